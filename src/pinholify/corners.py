@@ -1,0 +1,103 @@
+"""Corners found in images: the data every calibration starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinholify.arrays import Floats, Ints, frozen
+from pinholify.board import Board, lattice_points, size
+from pinholify.errors import InputError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corners:
+    """The corners of one board found in one image; none (and a ``reason``) where no board was found.
+
+    ``ids`` (n,) int64 are lattice ids of the board, each at most once. ``uv`` (n, 2) float64 are their places in px of
+    the original image (integer = pixel centre). ``weights`` (n,) float64 multiply a corner's residual: a corner of
+    weight ½ is thought twice as uncertain as one of weight 1. Raises ValueError on shapes that do not fit.
+    """
+
+    name: str
+    ids: Ints
+    uv: Floats
+    weights: Floats = cast(Floats, None)
+    reason: str = ""
+    orientation_assumed: bool = False
+    ambiguous_offset: bool = False
+
+    def __post_init__(self) -> None:
+        ids = frozen(self.ids, (None,), np.int64)
+        if len(np.unique(ids)) != len(ids) or (len(ids) and ids.min() < 0):
+            raise ValueError(f"corner ids of '{self.name}' are negative or appear twice")
+        weights: ArrayLike = np.ones(len(ids)) if self.weights is None else self.weights
+        uv = frozen(self.uv, (len(ids), 2))
+        if not np.isfinite(uv).all():
+            raise ValueError(f"corners of '{self.name}' are not finite")
+        object.__setattr__(self, "ids", ids)
+        object.__setattr__(self, "uv", uv)
+        object.__setattr__(self, "weights", frozen(weights, (len(ids),)))
+
+    @property
+    def found(self) -> bool:
+        """Whether the image shows a board."""
+        return len(self.ids) > 0
+
+    def __len__(self) -> int:
+        """Number of corners."""
+        return len(self.ids)
+
+    def lattice(self, board: Board) -> Floats:
+        """Lattice coordinates (n, 2) of these corners on ``board``, in squares."""
+        return lattice_points(board, self.ids)
+
+    def select(self, keep: ArrayLike) -> Corners:
+        """The corners where ``keep`` (n,) bool is true, everything else unchanged."""
+        mask = np.asarray(keep, dtype=bool)
+        return Corners(self.name, self.ids[mask], self.uv[mask], self.weights[mask], self.reason,
+                       self.orientation_assumed, self.ambiguous_offset)
+
+
+def not_found(name: str, reason: str) -> Corners:
+    """The result for image ``name`` in which no board was found, and why."""
+    return Corners(name, np.empty(0, np.int64), np.empty((0, 2)), reason=reason)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CornerSet:
+    """All views of one board by one camera.
+
+    ``image_size`` is (width, height) in px. Raises InputError on ids that the board does not have and on two views of
+    one name.
+    """
+
+    board: Board
+    image_size: tuple[int, int]
+    views: tuple[Corners, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "views", tuple(self.views))
+        names: set[str] = set()
+        for view in self.views:
+            if len(view) and int(view.ids.max()) >= size(self.board):
+                raise InputError(
+                    f"'{view.name}' has a corner of id {int(view.ids.max())}, but a {self.board.spec} board has only "
+                    f"{size(self.board)} corners: give the size of the board in the images"
+                )
+            if view.name in names:
+                raise InputError(f"two images are called '{view.name}': names must differ")
+            names.add(view.name)
+
+    @property
+    def found(self) -> tuple[Corners, ...]:
+        """The views that show a board."""
+        return tuple(view for view in self.views if view.found)
+
+    def with_views(self, views: Iterable[Corners]) -> CornerSet:
+        """The same board and image size with other ``views``."""
+        return CornerSet(self.board, self.image_size, tuple(views))

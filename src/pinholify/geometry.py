@@ -1,0 +1,154 @@
+"""Plane and rotation geometry: homographies, hulls, lines, poses. Pure functions on float64 arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from pinholify.arrays import Bools, Floats, frozen
+
+# --- homographies -----------------------------------------------------------------------------------------------
+
+
+def homogeneous(xy: Floats) -> Floats:
+    """(N, d) points with a column of ones appended: (N, d+1)."""
+    return np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
+
+
+def apply_homography(h: Floats, xy: Floats) -> Floats:
+    """Points (N, 2) mapped by the homography ``h`` (3, 3)."""
+    q = homogeneous(xy) @ h.T
+    return q[:, :2] / q[:, 2:]
+
+
+def homography_jacobian(h: Floats, xy: Floats) -> Floats:
+    """Derivative (N, 2, 2) of :func:`apply_homography` with respect to the points."""
+    q = homogeneous(xy) @ h.T
+    mapped = q[:, :2] / q[:, 2:]
+    return (h[None, :2, :2] - mapped[:, :, None] * h[None, 2:, :2]) / q[:, 2, None, None]
+
+
+def normalising_similarity(xy: Floats) -> Floats:
+    """The similarity (3, 3) that brings points to zero mean and RMS distance √2 (Hartley & Zisserman, 4.4.4)."""
+    mean = xy.mean(axis=0)
+    rms = np.sqrt(((xy - mean) ** 2).sum(axis=1).mean())
+    s = np.sqrt(2.0) / rms if rms > 0 else 1.0
+    return np.array([[s, 0.0, -s * mean[0]], [0.0, s, -s * mean[1]], [0.0, 0.0, 1.0]])
+
+
+def _dlt(source: Floats, target: Floats) -> Floats:
+    x, y = source.T
+    u, v = target.T
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    rows_u = np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1)
+    rows_v = np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1)
+    return np.asarray(np.linalg.svd(np.concatenate([rows_u, rows_v]), full_matrices=False)[2][-1].reshape(3, 3))
+
+
+def estimate_homography(source: Floats, target: Floats, whitening: Floats | None = None) -> Floats:
+    """The homography (3, 3) with h₃₃ = 1 that best maps ``source`` (N, 2) to ``target`` (N, 2), N ≥ 4.
+
+    Normalised DLT, then Gauss-Newton on the distances in the target plane; ``whitening`` (N, 2, 2) multiplies each
+    residual, e.g. to measure it in px of an image. Raises ValueError for fewer than four points.
+    """
+    if len(source) < 4:
+        raise ValueError(f"a homography needs 4 points, {len(source)} were given")
+    n_source, n_target = normalising_similarity(source), normalising_similarity(target)
+    p, q = apply_homography(n_source, source), apply_homography(n_target, target)
+    h = _dlt(p, q)
+    h = h / np.linalg.norm(h)
+    weight = np.broadcast_to(np.eye(2), (len(p), 2, 2)) if whitening is None else whitening / n_target[0, 0]
+    for _ in range(10):
+        step = _homography_step(h, p, q, weight)
+        h = h + step
+        h = h / np.linalg.norm(h)
+        if np.linalg.norm(step) < 1e-13:
+            break
+    h = np.linalg.solve(n_target, h) @ n_source
+    return np.asarray(h / h[2, 2])
+
+
+def _homography_step(h: Floats, p: Floats, q: Floats, weight: Floats) -> Floats:
+    ph = homogeneous(p)
+    w = ph @ h[2]
+    mapped = (ph @ h[:2].T) / w[:, None]
+    jac = np.zeros((len(p), 2, 9))
+    jac[:, 0, 0:3] = jac[:, 1, 3:6] = ph / w[:, None]
+    jac[:, :, 6:9] = -mapped[:, :, None] * (ph / w[:, None])[:, None, :]
+    jac = (weight @ jac).reshape(-1, 9)
+    residual = (weight @ (q - mapped)[:, :, None]).reshape(-1)
+    # The scale of h is free; lstsq's minimum-norm solution leaves it alone.
+    return np.asarray(np.linalg.lstsq(jac, residual, rcond=1e-12)[0].reshape(3, 3))
+
+
+# --- hulls and lines --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConvexRegion:
+    """The convex hull of points in a plane: ``vertices`` (n, 2) in counter-clockwise order, ``area``.
+
+    Points that span no area give an empty region of area 0.
+    """
+
+    vertices: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", frozen(self.vertices, (None, 2)))
+
+    @property
+    def area(self) -> float:
+        """Enclosed area, in squared units of the points."""
+        x, y = self.vertices.T
+        return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+
+    def contains(self, xy: Floats, margin: float = 0.0) -> Bools:
+        """Whether each of ``xy`` (N, 2) lies inside, or outside by no more than ``margin``."""
+        if len(self.vertices) < 3:
+            return np.zeros(len(xy), dtype=bool)
+        edges = np.roll(self.vertices, -1, axis=0) - self.vertices
+        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
+        outside = xy @ normals.T - (self.vertices * normals).sum(axis=1)
+        return np.asarray((outside <= margin + 1e-9 * np.sqrt(self.area)).all(axis=1))
+
+
+def convex_hull(xy: Floats) -> ConvexRegion:
+    """The convex hull of ``xy`` (N, 2)."""
+    try:
+        hull = ConvexHull(xy)
+    except (QhullError, ValueError):
+        return ConvexRegion(np.empty((0, 2)))
+    return ConvexRegion(xy[hull.vertices])
+
+
+def line_distances(xy: Floats) -> Floats:
+    """Perpendicular distances (N,) of ``xy`` (N, 2) to their total-least-squares line."""
+    centred = xy - xy.mean(axis=0)
+    return np.asarray(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]))
+
+
+# --- rotations and poses ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """``camera_from_board``: a board point p stands at R p + t in the camera frame; t in squares."""
+
+    rotation: Floats
+    translation: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotation", frozen(self.rotation, (3, 3)))
+        object.__setattr__(self, "translation", frozen(self.translation, (3,)))
+
+    def apply(self, xyz: Floats) -> Floats:
+        """Points (N, 3) of the board frame, or (N, 2) on its plane, in the camera frame: (N, 3)."""
+        return xyz @ self.rotation[:, : xyz.shape[1]].T + self.translation
+
+
+def nearest_rotation(matrix: Floats) -> Floats:
+    """The rotation (3, 3) nearest to ``matrix`` in the Frobenius norm."""
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt)
