@@ -1,0 +1,1 @@
+"""Reading and writing: everything that touches files, and nothing that computes."""

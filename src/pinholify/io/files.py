@@ -1,0 +1,116 @@
+"""Opening text to read, and writing files so that a failure leaves what was there before."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TextIO, TypeAlias
+
+from pinholify.errors import InputError, OutputError
+
+TextFile: TypeAlias = "str | os.PathLike[str] | TextIO"
+"""A path, or a text stream that somebody else opened and closes."""
+
+_ADVICE = {
+    errno.ENOENT: "its folder does not exist; make the folder first or name another",
+    errno.ENOTDIR: "a part of its path is a file, not a folder; name another place",
+    errno.EISDIR: "it is a folder; name a file in it",
+    errno.EACCES: "permission is denied; choose a place you may write to",
+    errno.EPERM: "permission is denied; choose a place you may write to",
+    errno.EROFS: "its file system is read-only; choose another place",
+    errno.ENOSPC: "the disk is full; free some space or choose another place",
+    errno.EDQUOT: "your disk quota is used up; free some space or choose another place",
+    errno.ENAMETOOLONG: "its name is too long; choose a shorter one",
+}
+
+
+def cannot_write(path: str | os.PathLike[str], error: OSError) -> OutputError:
+    """The sentence for a person about ``error``, met while writing ``path``."""
+    advice = _ADVICE.get(error.errno or 0, f"{error.strerror or error}; choose another place")
+    return OutputError(f"'{os.fspath(path)}' cannot be written: {advice}")
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A new, empty file beside ``path`` to write into; it becomes ``path`` when the block ends well.
+
+    The temporary file keeps the ending of ``path``, for writers that choose the format by it. Where the
+    block fails in any way the temporary file is removed and what stood at ``path`` stays. Links are
+    followed. Raises OutputError where the file cannot be written, before the block runs wherever that
+    can be known; an OSError inside the block is taken for a failure to write.
+    """
+    try:
+        final = _writable(Path(path))
+        temporary = final.with_name(f".{final.stem[:60]}-{secrets.token_hex(6)}{final.suffix}")
+        os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    try:
+        yield temporary
+        temporary.replace(final)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def _writable(path: Path) -> Path:
+    """``path`` with its links followed; raises OSError where no file may be put in its place."""
+    final = Path(os.path.realpath(path))
+    if final.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if final.exists() and not final.is_file():
+        raise OSError(errno.ENOTSUP, "it is a device or a pipe, and only a file can be replaced as a whole")
+    if final.exists() and not os.access(final, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    return final
+
+
+@contextmanager
+def writing_text(target: TextFile) -> Iterator[TextIO]:
+    """A UTF-8 stream onto ``target``: the stream itself, or a file that appears when the block ends well.
+
+    Raises OutputError where the file cannot be written.
+    """
+    if not isinstance(target, str | os.PathLike):
+        yield target
+        return
+    with atomic_path(target) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
+        yield stream
+
+
+@contextmanager
+def reading_text(source: TextFile, error: type[InputError] = InputError) -> Iterator[TextIO]:
+    """A text stream to read ``source`` from, UTF-8 with or without a byte order mark.
+
+    Raises ``error`` where there is no such file, where it may not be read, and where it is not text.
+    """
+    name = source_name(source)
+    try:
+        if not isinstance(source, str | os.PathLike):
+            yield source
+            return
+        with open(source, encoding="utf-8-sig") as stream:
+            yield stream
+    except FileNotFoundError:
+        raise error(f"there is no file '{name}'; check the path") from None
+    except IsADirectoryError:
+        raise error(f"'{name}' is a folder where a text file is needed; name a file in it") from None
+    except UnicodeDecodeError as found:
+        raise error(f"'{name}' is not text in UTF-8 ({found.reason}); name a plain text file") from None
+    except OSError as found:
+        why = found.strerror or found
+        raise error(f"'{name}' cannot be read: {why}; check the file and its permissions") from found
+
+
+def source_name(source: TextFile) -> str:
+    """What to call ``source`` in a message."""
+    if isinstance(source, str | os.PathLike):
+        return os.fspath(source)
+    name = getattr(source, "name", "")
+    return "standard input" if name in ("", "<stdin>", 0) else str(name)
