@@ -1,0 +1,122 @@
+"""Image files to the corners of one camera: in parallel, in order, whatever goes wrong with single files."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from pinholify.board import Board
+from pinholify.corners import Corners, CornerSet, not_found
+from pinholify.detection.detect import detect_board
+from pinholify.errors import ImageError
+from pinholify.io.images import read_image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """What one file gave: ``size`` (width, height) in px, or None where it cannot be read."""
+
+    corners: Corners
+    size: tuple[int, int] | None
+
+
+def detect_files(
+    paths: Sequence[str | Path],
+    board: Board,
+    *,
+    mirrored: bool = False,
+    workers: int | None = None,
+    on_result: Callable[[Corners], object] | None = None,
+) -> CornerSet:
+    """The corners of ``board`` in the image files ``paths``, in their order, by ``workers`` processes (all
+    CPUs).
+
+    ``on_result`` is called with each image's corners as they arrive, in order. A file that cannot be read is
+    a view without corners and a reason. Raises ImageError where no file can be read, where files differ in
+    size, and where one file is named twice.
+    """
+    if not paths:
+        raise ImageError("no images were given; give image files or a folder of images")
+    files = [Path(path) for path in paths]
+    jobs = list(zip(files, unique_names(files), strict=True))
+    seen = []
+    detect = partial(_detect_file, board=board, mirrored=mirrored)
+    for result in _map(detect, jobs, workers or os.cpu_count() or 1):
+        seen.append(result)
+        if on_result is not None:
+            on_result(result.corners)
+    return CornerSet(board, _common_size(seen), tuple(result.corners for result in seen))
+
+
+def unique_names(paths: Sequence[Path]) -> list[str]:
+    """File names, each with as many parent folders before it as it takes to tell all apart.
+
+    Raises ImageError where one file is named twice.
+    """
+    twice = [path for path, count in Counter(path.absolute() for path in paths).items() if count > 1]
+    if twice:
+        raise ImageError(f"the image '{twice[0]}' is given twice; name each image once")
+    names = [path.name for path in paths]
+    depth = 1
+    while len(set(names)) < len(names):
+        depth += 1
+        shared = {name for name, count in Counter(names).items() if count > 1}
+        names = [
+            "/".join(path.absolute().parts[-depth:]) if name in shared else name
+            for path, name in zip(paths, names, strict=True)
+        ]
+    return names
+
+
+def _detect_file(job: tuple[Path, str], *, board: Board, mirrored: bool) -> _Seen:
+    path, name = job
+    try:
+        image = read_image(path)
+    except ImageError as error:
+        return _Seen(not_found(name, str(error)), None)
+    height, width = image.shape[:2]
+    return _Seen(detect_board(image, board, name=name, mirrored=mirrored), (width, height))
+
+
+def _map(function: partial[_Seen], jobs: list[tuple[Path, str]], workers: int) -> Iterator[_Seen]:
+    """``function`` of every job, in order. Processes are spawned: a fork after OpenCV has run threads can
+    hang.
+    """
+    workers = min(workers, len(jobs))
+    if workers == 1:
+        yield from map(function, jobs)
+        return
+    with multiprocessing.get_context("spawn").Pool(workers, initializer=_be_a_worker) as pool:
+        yield from pool.imap(function, jobs)
+
+
+def _be_a_worker() -> None:
+    """One thread a process, and Ctrl-C left to the parent, which ends the pool."""
+    import signal
+
+    import cv2
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cv2.setNumThreads(1)
+
+
+def _common_size(seen: list[_Seen]) -> tuple[int, int]:
+    """(width, height) of all images that could be read."""
+    sizes = Counter(result.size for result in seen if result.size is not None)
+    if not sizes:
+        raise ImageError(f"none of {len(seen)} images can be read; the first: {seen[0].corners.reason}")
+    (usual, count), *others = sizes.most_common()
+    if others:
+        first = {result.size: result.corners.name for result in reversed(seen)}
+        other = others[0][0]
+        raise ImageError(
+            f"the images differ in size: {count} of {sum(sizes.values())} are {usual[0]}x{usual[1]} like "
+            f"'{first[usual]}', but '{first[other]}' is {other[0]}x{other[1]}; "
+            "give images of one camera at one size"
+        )
+    return usual

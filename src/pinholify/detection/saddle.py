@@ -1,0 +1,120 @@
+"""Sub-pixel corner positions: where a chessboard's grey levels have their saddle point.
+
+All functions take a float32 grey image (height, width), positions uv (N, 2) in px and a frame per corner (N,
+2, 2) whose columns are the half axes of its window in px, laid along the board's lines where these are known.
+Windows are sampled on one normalised grid (s, t) ∈ [-1, 1]², so a fit is the same small linear map for every
+corner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+from pinholify.detection.intensity import Grey
+
+SAMPLES = 31
+"""Grid points along a side of a window."""
+
+ITERATIONS = 8
+
+SETTLED = 5e-3
+"""A corner that moves less (px) in one step is left; one that still moves by ten times this is not sound."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Saddles:
+    """Saddle points of ``uv`` (N, 2) px, each in its frame.
+
+    ``strength`` (N,): the fitted mixed term of s·t in grey levels, positive where the squares at (+s, +t) and
+    (-s, -t) are the bright ones. ``residual`` (N,): what the fit leaves, RMS in grey levels. ``sound`` (N,):
+    the fit settled on a saddle within its window.
+    """
+
+    uv: Floats
+    strength: Floats
+    residual: Floats
+    sound: Bools
+
+
+@cache
+def _grid() -> Floats:
+    side = np.linspace(-1.0, 1.0, SAMPLES)
+    s, t = np.meshgrid(side, side)
+    return np.stack([s.ravel(), t.ravel()], axis=1)
+
+
+@cache
+def _quadratic_fit() -> tuple[Floats, Floats, Floats]:
+    """Design (n², 6) of 1, s, t, s²/2, st, t²/2; the weighted least-squares solution operator (6, n²); the
+    weights.
+    """
+    s, t = _grid().T
+    design = np.stack([np.ones_like(s), s, t, s * s / 2, s * t, t * t / 2], axis=1)
+    weight = np.exp(-(s * s + t * t) / (2 * 0.5**2))
+    operator = np.linalg.solve(design.T @ (weight[:, None] * design), design.T * weight)
+    return design, operator, weight / weight.sum()
+
+
+def sample(grey: Grey, uv: Floats) -> Floats:
+    """Grey levels at ``uv`` (..., 2) px by bilinear interpolation; the border is repeated outside."""
+    height, width = grey.shape
+    u = np.clip(uv[..., 0], 0.0, width - 1.0)
+    v = np.clip(uv[..., 1], 0.0, height - 1.0)
+    left = np.minimum(u.astype(np.intp), max(width - 2, 0))
+    top = np.minimum(v.astype(np.intp), max(height - 2, 0))
+    fu, fv = u - left, v - top
+    corner = top * width + left
+    flat = grey.ravel()
+    upper = flat[corner] * (1 - fu) + flat[corner + 1] * fu
+    lower = flat[corner + width] * (1 - fu) + flat[corner + width + 1] * fu
+    return np.asarray(upper * (1 - fv) + lower * fv)
+
+
+def windows(grey: Grey, uv: Floats, frames: Floats) -> Floats:
+    """Grey levels (N, SAMPLES²) in the windows of ``uv``."""
+    return sample(grey, uv[:, None, :] + _grid() @ frames.transpose(0, 2, 1))
+
+
+def refine_saddles(grey: Grey, uv: Floats, frames: Floats) -> Saddles:
+    """Moves each of ``uv`` to the saddle point of a weighted quadratic fit, re-centred until it stays.
+
+    An even surface about the corner has no linear term whatever its profile, so the re-centred fit has no
+    bias from blur, noise or the sharpness of the edges; only shading and curved edges shift it, by the square
+    of the window.
+    """
+    design, operator, weight = _quadratic_fit()
+    place = np.array(uv, dtype=np.float64)
+    last_step = np.full(len(place), np.inf)
+    coefficients, residual = np.zeros((len(place), 6)), np.full(len(place), np.inf)
+    sound = np.ones(len(place), dtype=bool)
+    for _ in range(ITERATIONS):
+        active = np.flatnonzero((last_step > SETTLED) & sound)
+        if not len(active):
+            break
+        patch = windows(grey, place[active], frames[active])
+        fit = patch @ operator.T
+        coefficients[active] = fit
+        residual[active] = np.sqrt(((patch - fit @ design.T) ** 2) @ weight)
+        step, saddle = _newton_step(fit)
+        shift = (frames[active] @ step[:, :, None])[:, :, 0]
+        place[active] += shift
+        last_step[active] = np.linalg.norm(shift, axis=1)
+        moved = np.linalg.solve(frames[active], (place[active] - uv[active])[:, :, None])[:, :, 0]
+        sound[active] = saddle & (np.abs(moved) < 1.0).all(axis=1)
+    return Saddles(place, coefficients[:, 4], residual, sound & (last_step < 10 * SETTLED))
+
+
+def _newton_step(fit: Floats) -> tuple[Floats, Bools]:
+    """The step (N, 2) from the window's centre to the saddle, at most half a window, and whether it is a
+    saddle.
+    """
+    _, gs, gt, hss, hst, htt = fit.T
+    determinant = hss * htt - hst * hst
+    saddle = determinant < 0
+    safe = np.where(saddle, determinant, -1.0)
+    step = np.stack([(hst * gt - htt * gs) / safe, (hst * gs - hss * gt) / safe], axis=1)
+    return np.clip(np.where(saddle[:, None], step, 0.0), -0.5, 0.5), saddle

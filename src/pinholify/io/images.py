@@ -1,0 +1,156 @@
+"""Image files: found, read at full size and depth, and written whole or not at all."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinholify.errors import ImageError, OutputError
+from pinholify.io.files import atomic_path
+
+Image = NDArray[Any]
+"""(height, width) or (height, width, 3) uint8 or uint16; colour in OpenCV's order blue, green, red."""
+
+IMAGE_SUFFIXES = frozenset(
+    [".bmp", ".jpeg", ".jpg", ".jp2", ".png", ".webp", ".avif", ".pbm", ".pgm", ".ppm", ".tif", ".tiff"]
+)
+"""What counts as an image in a folder; a file named by itself is tried whatever it is called."""
+
+MAX_PIXELS = 160_000_000
+"""Larger images are refused before they are decoded. The largest camera sensors on sale have 151 megapixels.
+"""
+
+
+def image_paths(arguments: Iterable[str | Path]) -> list[Path]:
+    """The files that ``arguments`` name; a folder stands for the images in it, in the natural order of their
+    names.
+
+    Raises ImageError where nothing is named and for a folder without images. Whether a file exists, reading
+    will tell.
+    """
+    paths: list[Path] = []
+    for argument in map(Path, arguments):
+        if not argument.is_dir():
+            paths.append(argument)
+            continue
+        inside = sorted((p for p in argument.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES), key=_natural)
+        if not inside:
+            raise ImageError(f"the folder '{argument}' holds no images; give one that does, or image files")
+        paths += inside
+    if not paths:
+        raise ImageError("no images were given; give image files or a folder of images")
+    return paths
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sorts image2 before image10."""
+    parts = re.split(r"(\d+)", path.name.lower())
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def read_image(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Image:
+    """The image in the file ``path``: grey or colour (BGR), uint8 or uint16, at full size, without alpha.
+
+    EXIF rotation is ignored on purpose: a calibration belongs to the sensor, whose pixels do not move when
+    the camera is turned. Raises ImageError for a file that is missing, empty, cut short, no image, or of more
+    than ``max_pixels``.
+    """
+    import cv2
+
+    path = Path(path)
+    data = _read_bytes(path)
+    _check_header(path, max_pixels)
+    flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        image = cv2.imdecode(data, flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise ImageError(f"'{path}' cannot be read as an image; give a photograph, e.g. in JPEG, PNG or TIFF")
+    if image.shape[0] * image.shape[1] > max_pixels:
+        raise _too_large(path, image.shape[0] * image.shape[1], max_pixels)
+    return np.asarray(image)
+
+
+def _read_bytes(path: Path) -> NDArray[np.uint8]:
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except IsADirectoryError:
+        raise ImageError(f"'{path}' is a folder where an image is needed; name the files in it") from None
+    except FileNotFoundError:
+        raise ImageError(f"there is no file '{path}'; check the name") from None
+    except OSError as error:
+        raise ImageError(f"'{path}' cannot be read: {error.strerror or error}") from None
+    if not len(data):
+        raise ImageError(f"'{path}' is empty; copy the image again")
+    return data
+
+
+def _check_header(path: Path, max_pixels: int) -> None:
+    """Refuses what would harm (too many pixels) or mislead: OpenCV fills the missing end of a file with grey.
+
+    A format that Pillow does not know passes: OpenCV decides.
+    """
+    from PIL import Image as PillowImage
+    from PIL import UnidentifiedImageError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            picture = PillowImage.open(path)
+    except PillowImage.DecompressionBombError:
+        raise _too_large(path, None, max_pixels) from None
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
+        return
+    with picture:
+        if picture.width * picture.height > max_pixels:
+            raise _too_large(path, picture.width * picture.height, max_pixels)
+        _check_complete(path, picture)
+
+
+def _check_complete(path: Path, picture: Any) -> None:
+    try:
+        if picture.format == "JPEG":
+            # An eighth of the size is decoded quickly, and still from all bytes of the file.
+            picture.draft("L", (picture.width // 8, picture.height // 8))
+            picture.load()
+        elif picture.format == "PNG":
+            picture.verify()
+    except (OSError, SyntaxError, ValueError):
+        raise ImageError(f"'{path}' is cut short or damaged; copy the image again") from None
+
+
+def _too_large(path: Path, pixels: int | None, max_pixels: int) -> ImageError:
+    found = "far more pixels" if pixels is None else f"{pixels / 1e6:.0f} megapixels"
+    return ImageError(
+        f"'{path}' has {found} where at most {max_pixels / 1e6:.0f} megapixels are read; give a smaller image"
+    )
+
+
+def write_image(path: str | Path, image: Image) -> None:
+    """Writes ``image`` (grey or BGR, uint8 or uint16) in the format of the suffix of ``path``, all of it or
+    nothing.
+
+    Raises OutputError where the format or the place does not take it.
+    """
+    import cv2
+
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if image.dtype == np.uint16 and suffix in {".jpg", ".jpeg", ".jpe", ".webp", ".bmp"}:
+        raise OutputError(f"'{path}' cannot hold 16 bits a channel; write PNG or TIFF instead")
+    options = [cv2.IMWRITE_JPEG_QUALITY, 97] if suffix in {".jpg", ".jpeg", ".jpe"} else []
+    try:
+        encoded, data = cv2.imencode(suffix, image, options)
+    except cv2.error:
+        encoded = False
+    if not encoded:
+        raise OutputError(f"'{path}' cannot be written as an image: '{suffix}' is no format for it; try .png")
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data.tobytes())

@@ -1,0 +1,54 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pinholify.board import Checkerboard
+from pinholify.detection import detect_files
+from pinholify.detection.files import unique_names
+from pinholify.errors import ImageError
+from pinholify.io.images import write_image
+
+BOARD = Checkerboard(8, 6)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, board_image) -> Path:
+    image, _ = board_image(8, 6)
+    write_image(tmp_path / "b.png", image)
+    write_image(tmp_path / "a.jpg", image)
+    write_image(tmp_path / "blank.png", np.full_like(image, 90))
+    (tmp_path / "broken.jpg").write_bytes(b"no picture")
+    return tmp_path
+
+
+def test_views_keep_their_order_and_broken_files_a_reason(folder: Path):
+    paths = [folder / name for name in ["b.png", "broken.jpg", "blank.png", "a.jpg"]]
+    arrived = []
+    corners = detect_files(paths, BOARD, workers=2, on_result=arrived.append)
+    assert [view.name for view in corners.views] == ["b.png", "broken.jpg", "blank.png", "a.jpg"]
+    assert [len(view) for view in corners.views] == [48, 0, 0, 48]
+    assert "cannot be read" in corners.views[1].reason
+    assert "no board" in corners.views[2].reason
+    assert corners.image_size == (640, 480)
+    assert arrived == list(corners.views)
+
+
+def test_without_a_readable_file_there_is_nothing_to_return(folder: Path):
+    with pytest.raises(ImageError, match="none of 1 images"):
+        detect_files([folder / "broken.jpg"], BOARD)
+    with pytest.raises(ImageError, match="no images"):
+        detect_files([], BOARD)
+
+
+def test_images_of_two_sizes_are_refused_by_name(folder: Path):
+    write_image(folder / "small.png", np.zeros((100, 200), np.uint8))
+    with pytest.raises(ImageError, match=r"2 of 3 are 640x480 like 'a.jpg', but 'small.png' is 200x100"):
+        detect_files([folder / n for n in ["a.jpg", "small.png", "b.png"]], BOARD, workers=1)
+
+
+def test_names_get_the_folders_they_need():
+    paths = [Path("/x/one/a.png"), Path("/x/two/a.png"), Path("/x/two/b.png"), Path("/y/two/a.png")]
+    assert unique_names(paths) == ["one/a.png", "x/two/a.png", "b.png", "y/two/a.png"]
+    with pytest.raises(ImageError, match="twice"):
+        unique_names([Path("/x/a.png"), Path("/x/a.png")])
