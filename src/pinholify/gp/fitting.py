@@ -1,0 +1,179 @@
+"""Fitting maps of the plane to point pairs; the trend is chosen by marginal likelihood unless named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial import cKDTree
+
+from pinholify.arrays import Floats
+from pinholify.errors import CalibrationError
+from pinholify.gp.hyperparameters import SearchRange, Start, maximise_likelihood
+from pinholify.gp.kernels import Kernel, kernel_named
+from pinholify.gp.maps import AdditiveMap, DisplacementMap, PlaneMap, Scaling, scaling_of, trend_features
+from pinholify.gp.regression import Data, GaussianProcess, LinearPart, data
+from pinholify.gp.trends import Trend, trends_named
+from pinholify.gp.trends.base import inverse
+
+ROUNDS = 12
+CONVERGED = 1e-3  # of the noise
+SHORTEST = 4.0  # typical distances between neighbouring points
+PRIOR_NOISE = 1e-3  # of the inputs' extent, for the least-squares start alone
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedMap:
+    """A map with what its fit says of it.
+
+    ``noise`` is the standard deviation of a point's place, per axis, in units of the inputs (px).
+    ``log_evidence`` is the log marginal likelihood of the places, per squared px, comparable between trends and
+    kernels. ``candidates`` are all trends tried with theirs.
+    """
+
+    map: PlaneMap
+    kernel: str
+    trend: str
+    noise: float
+    log_evidence: float
+    candidates: tuple[tuple[str, float], ...] = ()
+
+
+def fit_map(
+    uv: Floats, xy: Floats, *, kernel: str = "se", trend: str = "auto", relative_noise: Floats | None = None
+) -> FittedMap:
+    """The map that takes ``uv`` (n, 2) px to ``xy`` (n, 2), by trend and GP.
+
+    ``kernel`` and ``trend`` are names of the registries; ``trend`` may be ``constant`` (the paper's), ``auto``, or a
+    family. ``relative_noise`` (n,) scales the noise of each point. Raises CalibrationError where nothing fits.
+    """
+    scale = np.ones(len(uv)) if relative_noise is None else relative_noise
+    build = kernel_named(kernel)
+    fits = []
+    if trend in ("constant", "auto"):
+        fits.append(_fit_constant(uv, xy, build, kernel, scale))
+    if trend != "constant":
+        fits.extend(_fit_trends(uv, xy, build, kernel, trends_named(trend), scale))
+    if not fits:
+        raise CalibrationError(
+            f"no map of trend '{trend}' fits the {len(uv)} corners of the reference board: "
+            "look for wrongly numbered corners, or choose another reference"
+        )
+    best = max(fits, key=lambda fit: fit.log_evidence)
+    tried = tuple((fit.trend, fit.log_evidence) for fit in fits)
+    return FittedMap(best.map, best.kernel, best.trend, best.noise, best.log_evidence, tried)
+
+
+# --- the paper's: constant mean, two independent GPs ------------------------------------------------------------
+
+
+def _fit_constant(uv: Floats, xy: Floats, kernel: Kernel, name: str, relative_noise: Floats) -> FittedMap:
+    inputs, outputs = scaling_of(uv), scaling_of(xy)
+    x, y = inputs.normalise(uv), outputs.normalise(xy)
+    mean = y.mean(axis=0)
+    starts = [Start(std, length, 1e-3) for std, length in ((0.7, 0.7), (2.0, 1.5), (10.0, 3.0))]
+    gps = [
+        maximise_likelihood(kernel, data(x, column[:, None], relative_noise=relative_noise), starts=starts)
+        for column in (y - mean).T
+    ]
+    fitted = AdditiveMap(inputs, outputs, mean, (gps[0], gps[1]))
+    jacobian = fitted.jacobian(uv)
+    # The likelihood is a density of xy; per squared px of uv it is larger by the map's determinant.
+    density = np.log(np.abs(np.linalg.det(jacobian))).sum() - 2 * len(uv) * np.log(outputs.scale)
+    evidence = sum(gp.log_marginal_likelihood for gp in gps) + float(density)
+    return FittedMap(fitted, name, "constant", _noise_in_inputs(jacobian, gps, outputs), evidence)
+
+
+def _noise_in_inputs(jacobian: Floats, gps: list[GaussianProcess], outputs: Scaling) -> float:
+    stds = np.array([gp.noise_std for gp in gps]) * outputs.scale
+    return float(np.sqrt(((np.linalg.inv(jacobian) * stds) ** 2).sum(axis=(1, 2)).mean() / 2))
+
+
+# --- a trend, and a GP that displaces what it predicts ---------------------------------------------------------------------------------
+
+
+def _fit_trends(
+    uv: Floats, xy: Floats, kernel: Kernel, name: str, trends: Iterable[Trend], relative_noise: Floats
+) -> list[FittedMap]:
+    inputs, outputs = scaling_of(uv), scaling_of(xy)
+    x, y = inputs.normalise(uv), outputs.normalise(xy)
+    fits = []
+    for trend in trends:
+        if len(trend.prior_mean) >= 2 * len(x):
+            continue
+        result = _fit_displacement(trend, kernel, x, y, relative_noise)
+        if result is None:
+            continue
+        beta, gp = result
+        evidence = gp.log_marginal_likelihood - 2 * len(x) * float(np.log(inputs.scale))
+        fitted = DisplacementMap(inputs, outputs, trend, beta, gp)
+        fits.append(FittedMap(fitted, name, trend.name, gp.noise_std * inputs.scale, evidence))
+    return fits
+
+
+def _fit_displacement(
+    trend: Trend, kernel: Kernel, x: Floats, y: Floats, relative_noise: Floats
+) -> tuple[Floats, GaussianProcess] | None:
+    """Gauss-Newton on the trend's parameters around hyperparameters of maximum likelihood; None if h cannot invert."""
+    beta = _least_squares_trend(trend, x, y)
+    observed = _linearised(trend, beta, x, y, relative_noise)
+    if observed is None:
+        return None
+    spread = float(np.sqrt((observed.y**2).mean()))
+    starts = [Start(max(spread, 1e-6), length, max(spread, 1e-6) / 3) for length in (0.2, 0.6, 1.5)]
+    search = SearchRange(
+        std=(1e-7, 10.0), length_scale=(0.02, 20.0), noise_std=(1e-8, 1.0), shortest=SHORTEST * _spacing(x)
+    )
+    for _ in range(ROUNDS):
+        gp = maximise_likelihood(kernel, observed, starts=starts, search=search)
+        moved = np.abs(observed.linear.features @ gp.coefficients).max()
+        if moved < CONVERGED * gp.noise_std:
+            return beta, gp
+        halved = _step(trend, beta, gp.coefficients, x, y, relative_noise)
+        if halved is None:
+            return beta, gp
+        beta, observed = halved
+        starts = [Start(gp.kernel.std, float(gp.kernel.length_scale.mean()), gp.noise_std)]
+        kernel = gp.kernel
+    return beta, maximise_likelihood(kernel, observed, starts=starts, search=search)
+
+
+def _spacing(x: Floats) -> float:
+    """Typical distance between neighbouring points."""
+    return float(np.median(cKDTree(x).query(x, k=2)[0][:, 1]))
+
+
+def _step(
+    trend: Trend, beta: Floats, step: Floats, x: Floats, y: Floats, relative_noise: Floats
+) -> tuple[Floats, Data] | None:
+    """The longest of the halved steps after which h can still be inverted at all points."""
+    for fraction in (1.0, 0.5, 0.25, 0.125):
+        observed = _linearised(trend, beta + fraction * step, x, y, relative_noise)
+        if observed is not None:
+            return beta + fraction * step, observed
+    return None
+
+
+def _linearised(trend: Trend, beta: Floats, x: Floats, y: Floats, relative_noise: Floats) -> Data | None:
+    """Targets x − w at w = h⁻¹(y), and the linear part of the trend's parameters around ``beta``."""
+    w, reached = inverse(trend, beta, y, x)
+    if not reached.all() or np.abs(w - x).max() > 0.5:
+        return None
+    linear = LinearPart(trend_features(trend, beta, w), trend.prior_mean - beta, trend.prior_std)
+    return data(w, x - w, linear, relative_noise)
+
+
+def _least_squares_trend(trend: Trend, x: Floats, y: Floats) -> Floats:
+    """β that minimises ‖y − h(x; β)‖² in units of a rough noise, and the prior."""
+
+    def residuals(beta: Floats) -> Floats:
+        misfit = (trend.value(beta, x) - y).ravel() / PRIOR_NOISE
+        return np.concatenate([misfit, (beta - trend.prior_mean) / trend.prior_std])
+
+    def jacobian(beta: Floats) -> Floats:
+        rows = trend.parameter_jacobian(beta, x).reshape(-1, len(beta)) / PRIOR_NOISE
+        return np.concatenate([rows, np.diag(1.0 / trend.prior_std)])
+
+    return np.asarray(least_squares(residuals, trend.start(x, y), jac=jacobian, method="lm", x_scale="jac").x)

@@ -1,0 +1,41 @@
+"""The rational quadratic kernel: a mixture of squared exponentials of many length scales (Rasmussen & Williams, 4.19)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from pinholify.arrays import Floats
+from pinholify.gp.kernels.base import Kernel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RationalQuadratic(Kernel):
+    """ρ(s) = (1 + s/(2α))^(−α); α → ∞ is the squared exponential."""
+
+    alpha: float = 1.0
+
+    def correlation(self, s: Floats) -> Floats:
+        """ρ(s)."""
+        return np.asarray((1.0 + s / (2.0 * self.alpha)) ** -self.alpha)
+
+    def slope(self, s: Floats) -> Floats:
+        """dρ/ds."""
+        return np.asarray(-0.5 * (1.0 + s / (2.0 * self.alpha)) ** (-self.alpha - 1.0))
+
+    @property
+    def log_parameters(self) -> Floats:
+        """log of σ, the length scales, α."""
+        return np.log(np.concatenate([[self.std], self.length_scale, [self.alpha]]))
+
+    def with_log_parameters(self, log_parameters: Floats) -> Self:
+        """The same kernel with other parameters."""
+        values = np.exp(log_parameters)
+        return replace(self, std=float(values[0]), length_scale=values[1:-1], alpha=float(values[-1]))
+
+    def correlation_gradients(self, s: Floats) -> list[Floats]:
+        """∂ρ/∂log α."""
+        base = 1.0 + s / (2.0 * self.alpha)
+        return [self.correlation(s) * (s / (2.0 * base) - self.alpha * np.log(base))]

@@ -1,0 +1,137 @@
+"""Maps of the plane learnt from point pairs: a trend and a Gaussian process, with honest uncertainty.
+
+Two kinds. :class:`AdditiveMap` is the paper's: each output is a constant plus its own GP, with its own noise in the
+output. :class:`DisplacementMap` puts the noise where it is, in the image: with a parametric trend q = h(w), a point q
+is seen at uv = w + g(w) + noise, w = h⁻¹(q), and g is a GP that displaces what the trend predicts. Inputs w are exact,
+the noise is one number in px for both axes, and g is as stationary as the lens is. (Regressing w on uv instead would
+let the likelihood rise by shrinking w.) The trend's parameters are linearised into the GP's linear part, so its
+likelihood and variance count what is not known of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from pinholify.arrays import Floats
+from pinholify.gp.regression import GaussianProcess
+from pinholify.gp.trends import Trend
+
+
+NEWTON_STEPS = 20
+NEWTON_TOLERANCE = 1e-13  # of the inputs' extent
+
+
+class PlaneMap(Protocol):
+    """A smooth map of the plane, uv (px) → q, that knows its own uncertainty."""
+
+    def value(self, uv: Floats) -> Floats:
+        """q at ``uv`` (n, 2): (n, 2)."""
+        ...
+
+    def jacobian(self, uv: Floats) -> Floats:
+        """∂q/∂uv at ``uv`` (n, 2): (n, 2, 2)."""
+        ...
+
+    def covariance(self, uv: Floats) -> Floats:
+        """Posterior covariance of q at ``uv`` (n, 2): (n, 2, 2)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scaling:
+    """An isotropic normalisation: normalised = (p − ``offset``) / ``scale``."""
+
+    offset: Floats
+    scale: float
+
+    def normalise(self, p: Floats) -> Floats:
+        """To normalised coordinates."""
+        return (p - self.offset) / self.scale
+
+    def restore(self, p: Floats) -> Floats:
+        """Back from normalised coordinates."""
+        return p * self.scale + self.offset
+
+
+def scaling_of(p: Floats) -> Scaling:
+    """The normalisation that brings ``p`` (n, 2) into the unit circle around their mid-range."""
+    offset = (p.min(axis=0) + p.max(axis=0)) / 2.0
+    return Scaling(offset, float(np.linalg.norm(p - offset, axis=1).max()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AdditiveMap:
+    """q = mean + g(uv), a GP for each output, the paper's two independent GPs."""
+
+    inputs: Scaling
+    outputs: Scaling
+    mean: Floats
+    processes: tuple[GaussianProcess, GaussianProcess]
+
+    def value(self, uv: Floats) -> Floats:
+        """q (n, 2)."""
+        x = self.inputs.normalise(uv)
+        return self.outputs.restore(self.mean + np.concatenate([gp.mean(x) for gp in self.processes], axis=1))
+
+    def jacobian(self, uv: Floats) -> Floats:
+        """∂q/∂uv (n, 2, 2)."""
+        x = self.inputs.normalise(uv)
+        rows = [gp.jacobian(x) for gp in self.processes]
+        return np.concatenate(rows, axis=1) * (self.outputs.scale / self.inputs.scale)
+
+    def covariance(self, uv: Floats) -> Floats:
+        """Covariance of q (n, 2, 2): diagonal, the outputs are independent."""
+        x = self.inputs.normalise(uv)
+        variances = np.stack([gp.variance(x) for gp in self.processes], axis=1)
+        return variances[:, :, None] * np.eye(2) * self.outputs.scale**2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DisplacementMap:
+    """q = h(w) with w + g(w) = uv: trend ``h`` with parameters ``beta``, ``process`` the GP g with two outputs."""
+
+    inputs: Scaling
+    outputs: Scaling
+    trend: Trend
+    beta: Floats
+    process: GaussianProcess
+
+    def value(self, uv: Floats) -> Floats:
+        """q (n, 2)."""
+        w = self._undisplaced(self.inputs.normalise(uv))
+        return self.outputs.restore(self.trend.value(self.beta, w))
+
+    def jacobian(self, uv: Floats) -> Floats:
+        """∂q/∂uv (n, 2, 2)."""
+        return self._jacobian_at(self._undisplaced(self.inputs.normalise(uv)))
+
+    def covariance(self, uv: Floats) -> Floats:
+        """Covariance of q (n, 2, 2), the trend's parameters included."""
+        w = self._undisplaced(self.inputs.normalise(uv))
+        jacobian = self._jacobian_at(w)
+        covariance = self.process.covariance(w, trend_features(self.trend, self.beta, w)) * self.inputs.scale**2
+        return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
+
+    def _jacobian_at(self, w: Floats) -> Floats:
+        inner = np.linalg.inv(np.eye(2) + self.process.jacobian(w))
+        outer = self.trend.input_jacobian(self.beta, w)
+        return np.asarray(outer @ inner) * (self.outputs.scale / self.inputs.scale)
+
+    def _undisplaced(self, x: Floats) -> Floats:
+        """The w with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
+        w = x - self.process.mean(x)
+        for _ in range(NEWTON_STEPS):
+            error = w + self.process.mean(w) - x
+            if np.abs(error).max(initial=0.0) < NEWTON_TOLERANCE:
+                break
+            w = w - np.linalg.solve(np.eye(2) + self.process.jacobian(w), error[:, :, None])[:, :, 0]
+        return np.asarray(w)
+
+
+def trend_features(trend: Trend, beta: Floats, w: Floats) -> Floats:
+    """How the trend's parameters move w = h⁻¹(q) at fixed q: −(∂h/∂w)⁻¹ ∂h/∂β at ``w`` (n, 2), as (2, n, p)."""
+    features = -np.linalg.solve(trend.input_jacobian(beta, w), trend.parameter_jacobian(beta, w))
+    return np.ascontiguousarray(features.transpose(1, 0, 2))

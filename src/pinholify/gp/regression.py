@@ -1,0 +1,169 @@
+"""Exact Gaussian-process regression (paper equations E and V; Rasmussen & Williams, chapter 2 and section 2.7).
+
+Several outputs may share one kernel and one noise. A linear part with a Gaussian prior, y = g(x) + F(x) c + noise, may
+stand beside the kernel; its coefficients c are shared by the outputs and integrated out, so the likelihood and the
+variance count what is not known of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg.lapack import dpotri
+
+from pinholify.arrays import Floats
+from pinholify.gp.kernels import Kernel
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearPart:
+    """Features F (m, n, p) of m outputs at n points, and the prior c ~ N(mean, diag(std²)) of p coefficients."""
+
+    features: Floats
+    mean: Floats
+    std: Floats
+
+
+def no_linear_part(outputs: int, points: int) -> LinearPart:
+    """A linear part without coefficients: plain GP regression."""
+    return LinearPart(np.empty((outputs, points, 0)), np.empty(0), np.empty(0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GaussianProcess:
+    """A GP conditioned on data: ``inputs`` (n, d), residual ``weights`` (m, n) = C⁻¹(y − F c), C = K + σ² I.
+
+    ``coefficients`` (p,) is the posterior mean of the linear part, ``precision_factor`` the lower Cholesky factor of
+    its posterior precision, ``solved_features`` (m, n, p) = C⁻¹ F.
+    """
+
+    kernel: Kernel
+    noise_std: float
+    inputs: Floats
+    weights: Floats
+    cholesky: Floats
+    coefficients: Floats
+    precision_factor: Floats
+    solved_features: Floats
+    log_marginal_likelihood: float
+
+    def mean(self, x: Floats) -> Floats:
+        """Posterior mean of g at ``x`` (q, d), without the linear part: (q, m)."""
+        return np.asarray(self.kernel.covariance(x, self.inputs) @ self.weights.T)
+
+    def jacobian(self, x: Floats) -> Floats:
+        """∂ mean/∂x at ``x`` (q, d): (q, m, d)."""
+        gradient = self.kernel.input_gradient(x, self.inputs)
+        return np.stack([g @ self.weights.T for g in gradient], axis=-1)
+
+    def variance(self, x: Floats) -> Floats:
+        """Posterior variance of g at ``x`` (q, d), the linear part taken as known, the same for each output: (q,)."""
+        half = solve_triangular(self.cholesky, self.kernel.covariance(self.inputs, x), lower=True)
+        return np.maximum(self.kernel.std**2 - (half**2).sum(axis=0), 0.0)
+
+    def covariance(self, x: Floats, features: Floats) -> Floats:
+        """Posterior covariance of g + F c between the outputs at each of ``x`` (q, d): (q, m, m).
+
+        ``features`` (m, q, p) are the linear part's at ``x``.
+        """
+        cross = self.kernel.covariance(x, self.inputs)
+        unexplained = features - cross @ self.solved_features
+        if not features.shape[2]:
+            return np.asarray(self.variance(x)[:, None, None] * np.eye(len(self.weights)))
+        half = solve_triangular(self.precision_factor, unexplained.reshape(-1, features.shape[2]).T, lower=True)
+        half = half.reshape(features.shape[2], len(self.weights), len(x))
+        linear = np.einsum("paq,pbq->qab", half, half)
+        return np.asarray(linear + self.variance(x)[:, None, None] * np.eye(len(self.weights)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Data:
+    """Targets ``y`` (n, m) at inputs ``x`` (n, d), the linear part beside the kernel, and noise that may differ:
+
+    the noise of point i has standard deviation σ · ``relative_noise``[i].
+    """
+
+    x: Floats
+    y: Floats
+    linear: LinearPart
+    relative_noise: Floats
+
+
+def data(x: Floats, y: Floats, linear: LinearPart | None = None, relative_noise: Floats | None = None) -> Data:
+    """:class:`Data` with no linear part and equal noise unless given."""
+    n, m = y.shape
+    return Data(
+        x,
+        y,
+        no_linear_part(m, n) if linear is None else linear,
+        np.ones(n) if relative_noise is None else relative_noise,
+    )
+
+
+def condition(kernel: Kernel, noise_std: float, observed: Data) -> GaussianProcess:
+    """The GP with the given hyperparameters conditioned on ``observed``."""
+    return _solve(kernel, noise_std, observed, kernel.covariance(observed.x, observed.x))
+
+
+def _solve(kernel: Kernel, noise_std: float, observed: Data, covariance: Floats) -> GaussianProcess:
+    x, y, linear = observed.x, observed.y, observed.linear
+    n, m = y.shape
+    p = len(linear.mean)
+    noisy = covariance.copy()
+    noisy[np.diag_indices(n)] += (noise_std * observed.relative_noise) ** 2
+    cholesky = np.linalg.cholesky(noisy)
+    solved_targets = cho_solve((cholesky, True), y, check_finite=False).T
+    if not p:
+        return _plain(kernel, noise_std, x, y, cholesky, solved_targets)
+    solved_features = np.stack([cho_solve((cholesky, True), f, check_finite=False) for f in linear.features])
+    precision = np.diag(linear.std**-2.0) + np.einsum("mnp,mnq->pq", linear.features, solved_features)
+    right = linear.mean * linear.std**-2.0 + np.einsum("mnp,mn->p", linear.features, solved_targets)
+    precision_factor = np.linalg.cholesky(precision)
+    coefficients = cho_solve((precision_factor, True), right)
+    residual = y.T - linear.features @ coefficients
+    weights = solved_targets - solved_features @ coefficients
+    misfit = float((residual * weights).sum() + (((coefficients - linear.mean) / linear.std) ** 2).sum())
+    log_determinant = 2.0 * (
+        m * np.log(np.diag(cholesky)).sum() + np.log(np.diag(precision_factor)).sum() + np.log(linear.std).sum()
+    )
+    likelihood = -0.5 * (misfit + log_determinant + n * m * LOG_2PI)
+    return GaussianProcess(
+        kernel, noise_std, x, weights, cholesky, coefficients, precision_factor, solved_features, float(likelihood)
+    )
+
+
+def _plain(
+    kernel: Kernel, noise_std: float, x: Floats, y: Floats, cholesky: Floats, weights: Floats
+) -> GaussianProcess:
+    """The common case without a linear part, where nothing of it need be computed."""
+    n, m = y.shape
+    likelihood = -0.5 * float((y.T * weights).sum()) - m * (np.log(np.diag(cholesky)).sum() + 0.5 * n * LOG_2PI)
+    return GaussianProcess(
+        kernel, noise_std, x, weights, cholesky, np.empty(0), np.empty((0, 0)), np.empty((m, n, 0)), float(likelihood)
+    )
+
+
+def likelihood_and_gradient(
+    kernel: Kernel, noise_std: float, observed: Data, squared_differences: Floats
+) -> tuple[float, Floats]:
+    """Log marginal likelihood and its gradient by the kernel's log parameters and log noise std (last).
+
+    ``squared_differences`` are :meth:`Kernel.squared_differences` of the inputs with themselves, computed once a fit.
+    """
+    covariance, derivatives = kernel.covariance_and_gradients(squared_differences)
+    gp = _solve(kernel, noise_std, observed, covariance)
+    inverse = np.tril(dpotri(gp.cholesky, lower=1)[0])
+    inverse += np.tril(inverse, -1).T
+    # dL = ½ Σ_ij dC_ij S_ij with S = Σ_outputs (w wᵀ + V Vᵀ) − m C⁻¹, V = C⁻¹F A^(−T/2)   (R&W 5.9, 2.45)
+    sensitivity = gp.weights.T @ gp.weights - len(gp.weights) * inverse
+    if len(gp.coefficients):
+        for features in gp.solved_features:
+            half = solve_triangular(gp.precision_factor, features.T, lower=True)
+            sensitivity += half.T @ half
+    gradient = [0.5 * np.vdot(d, sensitivity) for d in derivatives]
+    gradient.append(noise_std**2 * float(np.diag(sensitivity) @ observed.relative_noise**2))
+    return gp.log_marginal_likelihood, np.array(gradient)

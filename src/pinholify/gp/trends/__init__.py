@@ -1,0 +1,38 @@
+"""Parametric trends of a map of the plane, by the name a user gives. A new family is one file and one line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pinholify.errors import InputError
+from pinholify.gp.trends.base import Trend
+from pinholify.gp.trends.homography import Homography
+from pinholify.gp.trends.lens import Lens
+from pinholify.gp.trends.polynomial import Polynomial
+
+TRENDS: dict[str, tuple[Callable[[int], Trend], tuple[int, ...]]] = {
+    "homography": (lambda _: Homography(), (0,)),
+    "lens": (Lens, (1, 2, 3, 4, 5, 6)),
+    "polynomial": (Polynomial, (3, 5)),
+}
+"""Family → its constructor by order, and the orders tried when none is named."""
+
+
+def trends_named(name: str) -> list[Trend]:
+    """The trends to try for ``name``: ``auto`` all, ``lens`` the family's orders, ``lens:3`` exactly that one.
+
+    Raises InputError with the names there are.
+    """
+    if name == "auto":
+        return [build(order) for build, orders in TRENDS.values() for order in orders]
+    family, colon, order = name.partition(":")
+    if family not in TRENDS or (colon and not (order.isdigit() and 1 <= int(order) <= 9)):
+        raise InputError(
+            f"'{name}' is no trend; the trends are: auto, constant, {', '.join(TRENDS)}, "
+            "and an order from 1 to 9 may follow lens or polynomial, as in lens:3"
+        )
+    build, orders = TRENDS[family]
+    return [build(n) for n in ([int(order)] if colon else orders)]
+
+
+__all__ = ["TRENDS", "Homography", "Lens", "Polynomial", "Trend", "trends_named"]

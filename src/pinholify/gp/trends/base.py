@@ -1,0 +1,68 @@
+"""What a trend is: a smooth, invertible map of the plane with a few parameters and a weak prior on them.
+
+Inputs and outputs are normalised: both of order one around the origin.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+
+
+class Trend(Protocol):
+    """A family h(x; β) of maps of the plane; β (p,)."""
+
+    @property
+    def name(self) -> str:
+        """The name :func:`trends_named` reads back as this trend."""
+        ...
+
+    @property
+    def prior_mean(self) -> Floats:
+        """Mean of β under the prior, (p,)."""
+        ...
+
+    @property
+    def prior_std(self) -> Floats:
+        """Standard deviations of β under the prior, (p,), independent."""
+        ...
+
+    def start(self, x: Floats, y: Floats) -> Floats:
+        """A first β for ``y`` ≈ h(``x``), both (n, 2)."""
+        ...
+
+    def value(self, beta: Floats, x: Floats) -> Floats:
+        """h(x; β), (n, 2)."""
+        ...
+
+    def input_jacobian(self, beta: Floats, x: Floats) -> Floats:
+        """∂h/∂x, (n, 2, 2)."""
+        ...
+
+    def parameter_jacobian(self, beta: Floats, x: Floats) -> Floats:
+        """∂h/∂β, (n, 2, p)."""
+        ...
+
+
+def inverse(trend: Trend, beta: Floats, y: Floats, start: Floats, iterations: int = 50) -> tuple[Floats, Bools]:
+    """The x with h(x; β) = ``y`` (n, 2) near ``start`` (n, 2), by Newton's method, and whether each was reached."""
+    x = np.array(start)
+    scale = max(float(np.abs(y).max(initial=0.0)), 1.0)
+    reached = np.zeros(len(x), dtype=bool)
+    for _ in range(iterations):
+        with np.errstate(all="ignore"):
+            error = y - trend.value(beta, x)
+            reached = np.abs(error).max(axis=1) < 1e-12 * scale
+            if reached.all():
+                break
+            jacobian = trend.input_jacobian(beta, x)
+            determinant = np.linalg.det(jacobian)
+            regular = np.isfinite(determinant) & (np.abs(determinant) > 1e-12)
+            step = np.zeros_like(x)
+            step[regular] = np.linalg.solve(jacobian[regular], error[regular, :, None])[..., 0]
+            length = np.linalg.norm(step, axis=1, keepdims=True)
+            x = x + step * np.minimum(1.0, 0.3 / np.maximum(length, 1e-300))
+    return x, reached

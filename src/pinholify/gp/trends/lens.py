@@ -1,0 +1,79 @@
+"""A lens-like trend: radial about a free centre, with a free ratio of its axes, then a homography.
+
+h(x) = H · d (1 + k₁ r² + … + k_n r²ⁿ),  d = x − c,  r² = d_u²/ρ + ρ d_v².
+
+Dividing r² by ρ keeps r of order one whatever ρ is, so that one prior fits all radial coefficients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Floats
+from pinholify.geometry import apply_homography, homography_jacobian
+from pinholify.gp.trends.homography import PARAMETERS, Homography, matrix, matrix_jacobian
+
+CENTRE_STD = 0.3
+LOG_RATIO_STD = 0.3
+RADIAL_STD = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """The lens-like trend with ``order`` radial coefficients; β = (H: 8, c: 2, log ρ, k₁ … k_n)."""
+
+    order: int
+
+    @property
+    def name(self) -> str:
+        """``lens:order``."""
+        return f"lens:{self.order}"
+
+    @property
+    def prior_mean(self) -> Floats:
+        """No distortion, the centre at the origin, a round lens."""
+        return np.zeros(PARAMETERS + 3 + self.order)
+
+    @property
+    def prior_std(self) -> Floats:
+        """Weak everywhere."""
+        radial = [RADIAL_STD] * self.order
+        return np.concatenate([Homography().prior_std, [CENTRE_STD, CENTRE_STD, LOG_RATIO_STD], radial])
+
+    def start(self, x: Floats, y: Floats) -> Floats:
+        """The least-squares homography and no distortion."""
+        return np.concatenate([Homography().start(x, y), np.zeros(3 + self.order)])
+
+    def value(self, beta: Floats, x: Floats) -> Floats:
+        """h(x; β)."""
+        return apply_homography(matrix(beta[:PARAMETERS]), self._radial(beta, x)[0])
+
+    def input_jacobian(self, beta: Floats, x: Floats) -> Floats:
+        """∂h/∂x."""
+        p, jacobian, _ = self._radial(beta, x)
+        return np.asarray(homography_jacobian(matrix(beta[:PARAMETERS]), p) @ jacobian)
+
+    def parameter_jacobian(self, beta: Floats, x: Floats) -> Floats:
+        """∂h/∂β."""
+        h = matrix(beta[:PARAMETERS])
+        p, by_input, by_shape = self._radial(beta, x)
+        by_p = homography_jacobian(h, p)
+        by_homography = matrix_jacobian(h, p, apply_homography(h, p))
+        return np.concatenate([by_homography, by_p @ np.concatenate([-by_input, by_shape], axis=2)], axis=2)
+
+    def _radial(self, beta: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
+        """The radially moved points p (n, 2), ∂p/∂x (n, 2, 2), ∂p/∂(log ρ, k) (n, 2, 1 + order)."""
+        centre, axes, k = beta[8:10], np.exp([-beta[10], beta[10]]), beta[11:]
+        d = x - centre
+        squares = d**2 * axes
+        r2 = squares.sum(axis=1)
+        powers = r2[:, None] ** np.arange(1, self.order + 1)
+        gain = 1.0 + powers @ k
+        slope = (powers / np.maximum(r2, 1e-300)[:, None]) @ (k * np.arange(1, self.order + 1))  # d gain / d r²
+        gradient = 2.0 * d * axes
+        by_input = gain[:, None, None] * np.eye(2) + slope[:, None, None] * d[:, :, None] * gradient[:, None, :]
+        by_ratio = d * (slope * (squares[:, 1] - squares[:, 0]))[:, None]
+        by_shape = np.concatenate([by_ratio[:, :, None], d[:, :, None] * powers[:, None, :]], axis=2)
+        return d * gain[:, None], by_input, by_shape
