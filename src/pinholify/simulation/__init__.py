@@ -1,0 +1,1 @@
+"""Cameras, scenes and photographs with known truth. Knows nothing of estimation: truth leaves as arrays."""

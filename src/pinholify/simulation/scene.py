@@ -1,0 +1,126 @@
+"""Scenes: textured planes before a background, and the tracing of rays into them.
+
+A texture gives the colours (N, channels), 0 black … 1 white, of points (N, 2) of its plane, NaN where the
+plane is cut out; a background gives the colours of directions (N, 3). All textures of a scene have the same
+channels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinholify.arrays import Bools, Floats
+from pinholify.board import Checkerboard
+from pinholify.geometry import Pose
+from pinholify.simulation.lenses import Rays
+
+Texture = Callable[[Floats], Floats]
+Background = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plane:
+    """The plane z = 0 of the frame ``pose`` (camera_from_plane), painted with ``texture`` on both sides."""
+
+    pose: Pose
+    texture: Texture
+
+    def intersect(self, rays: Rays) -> tuple[Floats, Floats]:
+        """Distances (N,) along ``rays`` to the plane and the points (N, 2) there; inf where it is not met."""
+        origins = (rays.origins - self.pose.translation) @ self.pose.rotation
+        directions = rays.directions @ self.pose.rotation
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = -origins[:, 2] / directions[:, 2]
+        distance = np.where(distance > 0, distance, np.inf)
+        with np.errstate(invalid="ignore"):
+            return distance, origins[:, :2] + distance[:, None] * directions[:, :2]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """``planes`` in any order, which hide one another, before an infinitely distant ``background``."""
+
+    planes: tuple[Plane, ...]
+    background: Background
+
+    def trace(self, rays: Rays) -> Floats:
+        """The colours (N, channels) that ``rays`` see; black for a ray of NaN."""
+        colours = self.background(rays.directions)
+        nearest = np.full(len(colours), np.inf)
+        for plane in self.planes:
+            distance, xy = plane.intersect(rays)
+            rows = np.flatnonzero(distance < nearest)
+            colour = plane.texture(xy[rows])
+            seen = np.isfinite(colour[:, 0])
+            rows = rows[seen]
+            colours[rows], nearest[rows] = colour[seen], distance[rows]
+        return np.nan_to_num(colours, copy=False, nan=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckerboardTexture:
+    """``board`` on a sheet with a light ``margin`` (squares); the square beyond corner (0, 0) is dark.
+
+    Corner (0, 0) is the origin and a square is the unit of length, so the lattice is the board's own.
+    """
+
+    board: Checkerboard
+    margin: float = 0.7
+    dark: float = 0.07
+    light: float = 0.9
+
+    def __call__(self, xy: Floats) -> Floats:
+        """Colours (N, 1) of ``xy`` (N, 2)."""
+        extent = (self.board.columns, self.board.rows)
+        squares = ((xy > -1) & (xy < extent)).all(axis=1)
+        sheet = ((xy > -1 - self.margin) & (xy < np.add(extent, self.margin))).all(axis=1)
+        parity = np.floor(xy).sum(axis=1) % 2
+        colour = np.where(squares & (parity == 0), self.dark, np.where(sheet, self.light, np.nan))
+        return np.asarray(colour[:, None])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """``pixels`` (h, w, channels), 0 … 1, on a plane, ``per_unit`` pixels to a unit of length, bilinear
+    between.
+
+    The pixel (0, 0)'s centre lies at ``origin`` of the plane; x runs along rows, y down.
+    """
+
+    pixels: NDArray[np.float32]
+    per_unit: float
+    origin: tuple[float, float] = (0.0, 0.0)
+
+    def __call__(self, xy: Floats) -> Floats:
+        """Colours (N, channels) of ``xy`` (N, 2); NaN outside the picture."""
+        height, width = self.pixels.shape[:2]
+        at = (xy - self.origin) * self.per_unit
+        inside: Bools = np.all((at >= 0) & (at <= (width - 1, height - 1)), axis=1)
+        at = np.where(inside[:, None], at, 0.0)
+        column, row = np.minimum(at.astype(np.intp), (width - 2, height - 2)).T
+        fx, fy = (at - np.stack([column, row], axis=1)).T[:, :, None]
+        p = self.pixels
+        upper = p[row, column] * (1 - fx) + p[row, column + 1] * fx
+        lower = p[row + 1, column] * (1 - fx) + p[row + 1, column + 1] * fx
+        return np.where(inside[:, None], upper * (1 - fy) + lower * fy, np.nan)
+
+
+def plain(*colour: float) -> Background:
+    """A background of one ``colour``."""
+    return lambda directions: np.where(np.isfinite(directions[:, :1]), np.array(colour), np.nan)
+
+
+def cloudy(*colour: float, contrast: float = 0.2, seed: int = 0) -> Background:
+    """A background of ``colour`` with large, soft blotches that change it by up to the share ``contrast``."""
+    rng = np.random.default_rng(seed)
+    waves, phases = rng.normal(0, 3.0, (3, 8)), rng.uniform(0, 2 * np.pi, 8)
+
+    def background(directions: Floats) -> Floats:
+        brightness = 1 + contrast * np.sin(directions @ waves + phases).mean(axis=1, keepdims=True)
+        return np.asarray(brightness * np.array(colour))
+
+    return background
