@@ -1,0 +1,105 @@
+"""Point tables: the comma-separated points that ``pinholify map`` reads and writes, millions of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinholify.arrays import Floats
+from pinholify.errors import InputError
+from pinholify.io.files import TextFile, reading_text, source_name, writing_text
+
+_CHUNK = 10_000
+
+
+def read_points(source: TextFile, *, dimensions: int | None = None) -> Floats:
+    """The first ``dimensions`` columns of the table ``source``, a path or an open text stream.
+
+    The first line is a header; every other line is one point, so that rows keep their number and order.
+    Without ``dimensions`` there are three where the third column is called ``z``, else two. Returns (N, 2)
+    or (N, 3) float64; ``nan`` stands for a point that does not exist. Raises InputError with the line number.
+    """
+    name = source_name(source)
+    with reading_text(source) as stream:
+        lines = stream.readlines()
+    while lines and not lines[-1].strip():
+        del lines[-1]
+    columns = dimensions or _dimensions(lines)
+    _check_header(name, lines, columns)
+    return _points(name, lines[1:], columns)
+
+
+def write_points(target: TextFile, header: Sequence[str], columns: ArrayLike) -> None:
+    """Writes the table of ``columns`` (N, len(header)) to ``target``, a path or an open text stream.
+
+    Numbers keep 15 significant digits; what does not exist is ``nan``. Raises ValueError where the
+    header does not fit, and OutputError where the file cannot be written.
+    """
+    rows = np.asarray(columns, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != len(header):
+        raise ValueError(f"columns of shape {rows.shape} were given where (N, {len(header)}) is needed")
+    line = ",".join(["%.15g"] * len(header)) + "\n"
+    with writing_text(target) as stream:
+        stream.write(",".join(header) + "\n")
+        for start in range(0, len(rows), _CHUNK):
+            chunk = rows[start : start + _CHUNK]
+            stream.write(line * len(chunk) % tuple(chunk.ravel().tolist()))
+
+
+def _dimensions(lines: list[str]) -> int:
+    names = [name.strip(' "\n') for name in lines[0].split(",")] if lines else []
+    return 3 if names[2:3] == ["z"] else 2
+
+
+def _check_header(name: str, lines: list[str], columns: int) -> None:
+    example = "u,v" if columns == 2 else "x,y,z"
+    if not lines:
+        raise InputError(f"'{name}' is empty; a header line such as {example} is needed, then a line a point")
+    fields = lines[0].rstrip("\n").split(",")
+    if all(_is_number(field) for field in fields):
+        raise InputError(f"'{name}', line 1: numbers where a header such as {example} is needed; add one")
+    if len(fields) < columns:
+        raise InputError(
+            f"'{name}', line 1: a header of {len(fields)} columns was found where {columns} are needed, "
+            f"separated by commas, for example {example}"
+        )
+
+
+def _points(name: str, lines: list[str], columns: int) -> Floats:
+    """Reads with numpy's own reader; only where it fails, looks for the line to blame."""
+    if not lines:
+        return np.empty((0, columns))
+    try:
+        points = np.loadtxt(lines, delimiter=",", usecols=range(columns), comments=None, ndmin=2)
+    except ValueError:
+        points = np.empty((0, columns))
+    if len(points) != len(lines) or np.isinf(points).any():
+        raise _blame(name, lines, columns)
+    return points
+
+
+def _blame(name: str, lines: list[str], columns: int) -> InputError:
+    """The error that names the first of ``lines``, the header left out, that is no point."""
+    for number, line in enumerate(lines, start=2):
+        problem = _problem(line, columns)
+        if problem:
+            return InputError(f"'{name}', line {number}: {problem}")
+    return InputError(f"'{name}' is no table of numbers separated by commas; write it as plain CSV")
+
+
+def _problem(line: str, columns: int) -> str:
+    fields = line.split(",") if line.strip() else []
+    if len(fields) < columns:
+        return f"{len(fields)} numbers were found where {columns} are needed, separated by commas"
+    wrong = next((field.strip() for field in fields[:columns] if not _is_number(field)), None)
+    return "" if wrong is None else f"'{wrong[:40]}' was found where a finite number or nan is needed"
+
+
+def _is_number(field: str) -> bool:
+    try:
+        return not math.isinf(float(field)) and "_" not in field
+    except ValueError:
+        return False
