@@ -1,0 +1,291 @@
+"""The board printer: boards true to scale, as PDF, SVG or PNG by the ending of the file.
+
+One way through: a board becomes an :class:`Artwork` in squares, the artwork a :class:`Sheet` in
+millimetres, and the sheet a file. A new kind of board is one function and one line in ``ARTWORKS``, a
+new format one in ``FORMATS``. Lengths are mm from the top left of the page, x to the right and y down.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape
+
+from pinholify.board import Board, Checkerboard
+from pinholify.errors import BoardError, InputError
+from pinholify.io.files import atomic_path, writing_text
+
+PAGES: dict[str, tuple[float, float]] = {
+    "A0": (841, 1189),
+    "A1": (594, 841),
+    "A2": (420, 594),
+    "A3": (297, 420),
+    "A4": (210, 297),
+    "A5": (148, 210),
+    "Letter": (215.9, 279.4),
+    "Legal": (215.9, 355.6),
+    "Tabloid": (279.4, 431.8),
+}
+"""Width and height of the pages that have a name, upright, in mm."""
+
+MARGIN = 5.0
+"""White on every side of a page that printers leave empty, mm."""
+
+FOOTER = 9.0
+"""Height of the line of text and the ruler at the foot of a page, mm."""
+
+PNG_DPI = 300
+"""Resolution of a PNG, up to the rounding that makes a square a whole number of pixels."""
+
+_PNG_MAX_PIXELS = 250_000_000
+_POINTS_PER_MM = 72 / 25.4
+_TEXT_HEIGHT = 2.6
+_RULER_LINE = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """A black rectangle: its top left corner, width and height."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """Text whose baseline begins at (x, y); ``size`` is the height of the font."""
+
+    x: float
+    y: float
+    size: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Artwork:
+    """What is black on a board, in squares from its top left corner, and the size of the whole."""
+
+    columns: int
+    rows: int
+    black: tuple[Rectangle, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A page ready to be written: everything black on it, in mm."""
+
+    width: float
+    height: float
+    square: float
+    title: str
+    black: tuple[Rectangle, ...]
+    labels: tuple[Label, ...]
+
+
+def write_board(board: Board, path: str | os.PathLike[str], *, square_mm: float, page: str = "A4") -> Sheet:
+    """Writes ``board`` with squares of ``square_mm`` to ``path`` (.pdf, .svg or .png) and returns the sheet.
+
+    ``page`` is a name in ``PAGES``, turned on its side where that fits better, or ``WxHmm``, taken as it
+    is. Raises BoardError where the board does not fit, InputError for another page or ending,
+    OutputError where the file cannot be written.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in FORMATS:
+        found = f"ends in '{ending}'" if ending else "has no ending"
+        raise InputError(f"'{os.fspath(path)}' {found}; a board is written as one of: {', '.join(FORMATS)}")
+    sheet = lay_out(board, square_mm=square_mm, page=page)
+    FORMATS[ending](sheet, path)
+    return sheet
+
+
+# --- from the board to the sheet ------------------------------------------------------------------
+
+
+def _checkerboard(board: Checkerboard) -> Artwork:
+    columns, rows = board.columns + 1, board.rows + 1
+    black = (Rectangle(x, y, 1, 1) for y in range(rows) for x in range(columns) if (x + y) % 2 == 0)
+    return Artwork(columns, rows, tuple(black))
+
+
+ARTWORKS: dict[type, Callable[[Any], Artwork]] = {Checkerboard: _checkerboard}
+"""How each kind of board is drawn."""
+
+
+def lay_out(board: Board, *, square_mm: float, page: str) -> Sheet:
+    """The sheet of ``board``: it stands in the middle, above a footer with what it is and a ruler.
+
+    White of at least one square is left around it where the page allows that, of ``MARGIN`` always.
+    Raises BoardError where the board does not fit, with the largest square that does, and InputError for
+    an unknown page.
+    """
+    if not (math.isfinite(square_mm) and square_mm > 0):
+        raise BoardError(f"a square of {square_mm:g} mm was asked for; a positive length is needed")
+    if type(board) not in ARTWORKS:
+        kinds = ", ".join(kind.__name__ for kind in ARTWORKS)
+        raise BoardError(f"a board of the kind {type(board).__name__} cannot be printed; these can: {kinds}")
+    artwork = ARTWORKS[type(board)](board)
+    width, height = max(_orientations(page), key=lambda size: _largest_square(artwork, *size))
+    largest = _largest_square(artwork, width, height)
+    if square_mm > largest * (1 + 1e-9):
+        raise BoardError(_does_not_fit(board, artwork, square_mm, page, largest))
+    left = (width - artwork.columns * square_mm) / 2
+    top = (height - MARGIN - FOOTER - artwork.rows * square_mm) / 2
+    squares = tuple(_placed(rectangle, left, top, square_mm) for rectangle in artwork.black)
+    ruler, labels = _footer(board, square_mm, width, height)
+    title = f"{board.spec}, squares of {square_mm:g} mm"
+    return Sheet(width, height, square_mm, title, squares + ruler, labels)
+
+
+def _placed(rectangle: Rectangle, left: float, top: float, scale: float) -> Rectangle:
+    return Rectangle(
+        left + rectangle.x * scale, top + rectangle.y * scale, rectangle.width * scale, rectangle.height
+        * scale
+    )
+
+
+def _orientations(page: str) -> list[tuple[float, float]]:
+    """The sizes (width, height) that ``page`` may take, in mm."""
+    named = {name.lower(): size for name, size in PAGES.items()}.get(page.strip().lower())
+    if named:
+        return [named, (named[1], named[0])]
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*[xX×]\s*(\d+(?:\.\d+)?)\s*mm", page.strip())
+    if match is None:
+        raise InputError(f"'{page}' is no page; name one of {', '.join(PAGES)}, or a size such as 600x400mm")
+    width, height = float(match[1]), float(match[2])
+    if min(width, height) < 30 or max(width, height) > 5000:
+        size = f"{width:g} x {height:g} mm"
+        raise InputError(f"a page of {size} was asked for; its sides must be between 30 and 5000 mm")
+    return [(width, height)]
+
+
+def _largest_square(artwork: Artwork, width: float, height: float) -> float:
+    """The largest square in mm for which the artwork fits, with margins and footer."""
+    return min((width - 2 * MARGIN) / artwork.columns, (height - 3 * MARGIN - FOOTER) / artwork.rows)
+
+
+def _does_not_fit(board: Board, artwork: Artwork, square_mm: float, page: str, largest: float) -> str:
+    needed = f"{artwork.columns * square_mm:g} x {artwork.rows * square_mm:g} mm"
+    rounded = math.floor(largest * 10 + 1e-9) / 10
+    return (
+        f"a {board.spec} board with squares of {square_mm:g} mm covers {needed} and does not fit on {page}; "
+        f"the largest square that does is {rounded:g} mm, or choose a larger page"
+    )
+
+
+def _footer(
+    board: Board, square_mm: float, width: float, height: float
+) -> tuple[tuple[Rectangle, ...], tuple[Label, ...]]:
+    """A ruler with a tick every 10 mm, 100 mm long where there is room, and above it what the board is."""
+    room, foot = width - 2 * MARGIN, height - MARGIN
+    length = next(length for length in (100, 50, 20) if length <= room)
+    line = Rectangle(MARGIN, foot - _RULER_LINE, length, _RULER_LINE)
+    ends = (max(x - _RULER_LINE, 0) for x in range(0, length + 1, 10))
+    ticks = (Rectangle(MARGIN + x, foot - 3, _RULER_LINE, 3) for x in ends)
+    text = (
+        f"{board.spec} inner corners, squares of {square_mm:g} mm, pinholify {version('pinholify')}; "
+        f"printed true to scale, the ruler is {length} mm long"
+    )
+    size = min(_TEXT_HEIGHT, room / _text_width(text, 1.0))
+    return (line, *ticks), (Label(MARGIN, foot - 5, size, text),)
+
+
+def _text_width(text: str, size: float) -> float:
+    from reportlab.pdfbase.pdfmetrics import stringWidth
+
+    return float(stringWidth(text, "Helvetica", size))
+
+
+# --- from the sheet to a file ---------------------------------------------------------------------
+
+
+def _write_pdf(sheet: Sheet, path: str | os.PathLike[str]) -> None:
+    from reportlab.pdfgen.canvas import Canvas
+
+    page = sheet.width * _POINTS_PER_MM, sheet.height * _POINTS_PER_MM
+    with atomic_path(path) as temporary:
+        canvas = Canvas(str(temporary), pagesize=page)
+        canvas.setTitle(sheet.title)
+        canvas.setViewerPreference("PrintScaling", "None")
+        canvas.scale(_POINTS_PER_MM, _POINTS_PER_MM)
+        for r in sheet.black:
+            canvas.rect(r.x, sheet.height - r.y - r.height, r.width, r.height, stroke=0, fill=1)
+        for label in sheet.labels:
+            canvas.setFont("Helvetica", label.size)
+            canvas.drawString(label.x, sheet.height - label.y, label.text)
+        canvas.save()
+
+
+def _write_svg(sheet: Sheet, path: str | os.PathLike[str]) -> None:
+    width, height = f"{sheet.width:g}", f"{sheet.height:g}"
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" '
+        f'viewBox="0 0 {width} {height}">',
+        f"<title>{escape(sheet.title)}</title>",
+        '<rect width="100%" height="100%" fill="white"/>',
+        '<g fill="black" shape-rendering="crispEdges">',
+        *(_svg_rectangle(r) for r in sheet.black),
+        "</g>",
+        '<g font-family="Helvetica, Arial, sans-serif">',
+        *(_svg_label(label) for label in sheet.labels),
+        "</g>",
+        "</svg>",
+    ]
+    with writing_text(path) as stream:
+        stream.writelines(line + "\n" for line in lines)
+
+
+def _svg_rectangle(r: Rectangle) -> str:
+    return f'<rect x="{r.x:.9g}" y="{r.y:.9g}" width="{r.width:.9g}" height="{r.height:.9g}"/>'
+
+
+def _svg_label(label: Label) -> str:
+    place = f'x="{label.x:.9g}" y="{label.y:.9g}" font-size="{label.size:.9g}"'
+    return f"<text {place}>{escape(label.text)}</text>"
+
+
+def _write_png(sheet: Sheet, path: str | os.PathLike[str]) -> None:
+    from PIL import Image, ImageDraw, ImageFont
+
+    # A whole number of pixels a square, and the resolution to match: all squares are equal and true to scale.
+    scale = max(1, round(sheet.square * PNG_DPI / 25.4)) / sheet.square
+    width, height = _pixel(sheet.width * scale), _pixel(sheet.height * scale)
+    if width * height > _PNG_MAX_PIXELS:
+        name = os.fspath(path)
+        raise InputError(f"'{name}' would have {width} x {height} pixels; write a PDF or SVG instead")
+    image = Image.new("L", (width, height), 255)
+    draw = ImageDraw.Draw(image)
+    for r in sheet.black:
+        draw.rectangle(_pixel_box(r, scale), fill=0)
+    for label in sheet.labels:
+        font = ImageFont.load_default(size=label.size * scale)
+        draw.text((label.x * scale, label.y * scale), label.text, fill=0, font=font, anchor="ls")
+    with atomic_path(path) as temporary:
+        image.save(temporary, dpi=(scale * 25.4, scale * 25.4))
+
+
+def _pixel_box(r: Rectangle, scale: float) -> tuple[int, int, int, int]:
+    """The first and last pixels of ``r``, both inside, at least one wide."""
+    left, top = _pixel(r.x * scale), _pixel(r.y * scale)
+    right, bottom = _pixel((r.x + r.width) * scale), _pixel((r.y + r.height) * scale)
+    return left, top, max(left, right - 1), max(top, bottom - 1)
+
+
+def _pixel(value: float) -> int:
+    """Rounds half up, with room for rounding errors: edges a whole number apart stay so."""
+    return math.floor(value + 0.5 + 1e-6)
+
+
+FORMATS: dict[str, Callable[[Sheet, str | os.PathLike[str]], None]] = {
+    ".pdf": _write_pdf,
+    ".svg": _write_svg,
+    ".png": _write_png,
+}
+"""How each ending is written."""

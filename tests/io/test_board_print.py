@@ -1,0 +1,215 @@
+import base64
+import re
+import zlib
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from pinholify.board import BOARD_KINDS, Checkerboard, parse_board
+from pinholify.errors import BoardError, InputError, OutputError
+from pinholify.io.board_print import ARTWORKS, FOOTER, FORMATS, MARGIN, PAGES, lay_out, write_board
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def svg_rectangles(path):
+    """Page size and rectangles (x, y, width, height) in mm."""
+    root = ElementTree.parse(path).getroot()
+    page = tuple(float(root.attrib[side].removesuffix("mm")) for side in ("width", "height"))
+    assert root.attrib["viewBox"] == f"0 0 {page[0]:g} {page[1]:g}"
+    group = root.find(f"{SVG}g[@fill='black']")
+    return page, np.array([[float(r.attrib[k]) for k in ("x", "y", "width", "height")] for r in group])
+
+
+def pdf_rectangles(path):
+    """Page size and rectangles (x, y, width, height) in mm from the top left, out of the content stream."""
+    data = path.read_bytes()
+    stream = re.search(rb"stream\r?\n(.*?~>)\s*endstream", data, re.S)[1]
+    content = zlib.decompress(base64.a85decode(b"<~" + stream, adobe=True)).decode()
+    box = [float(x) for x in re.search(rb"/MediaBox \[([^\]]*)\]", data)[1].split()]
+    scales = [float(m) for m in re.findall(r"([\d.]+) 0 0 [\d.]+ 0 0 cm", content)]
+    mm = np.prod(scales) * 25.4 / 72
+    rectangles = np.array(re.findall(r"([-\d.]+) ([-\d.]+) ([-\d.]+) ([-\d.]+) re", content), float) * mm
+    page = box[2] * 25.4 / 72, box[3] * 25.4 / 72
+    rectangles[:, 1] = page[1] - rectangles[:, 1] - rectangles[:, 3]
+    return page, rectangles
+
+
+READERS = {".svg": svg_rectangles, ".pdf": pdf_rectangles}
+
+
+@pytest.mark.parametrize("ending", READERS)
+@pytest.mark.parametrize(
+    ("spec", "square", "page"), [("15x9", 25, "A2"), ("8x6", 17.3, "Letter"), ("4x5", 12.5, "90x120mm")]
+)
+def test_squares_are_where_they_belong(tmp_path, ending, spec, square, page):
+    board = parse_board(spec)
+    sheet = write_board(board, tmp_path / f"b{ending}", square_mm=square, page=page)
+    size, rectangles = READERS[ending](tmp_path / f"b{ending}")
+    np.testing.assert_allclose(size, (sheet.width, sheet.height), atol=1e-3)
+    squares = rectangles[np.isclose(rectangles[:, 2], rectangles[:, 3])]
+    assert len(squares) == -(-(board.columns + 1) * (board.rows + 1) // 2)
+    np.testing.assert_allclose(squares[:, 2:], square, atol=1e-3)
+    lattice = (squares[:, :2] - squares[:, :2].min(axis=0)) / square
+    np.testing.assert_allclose(lattice, lattice.round(), atol=1e-3)
+    assert (lattice.round().sum(axis=1) % 2 == 0).all()
+    assert len(np.unique(lattice.round(), axis=0)) == len(squares)
+    np.testing.assert_array_equal(lattice.round().max(axis=0), [board.columns, board.rows])
+    centre = squares[:, 0].min() + (board.columns + 1) * square / 2
+    assert centre == pytest.approx(sheet.width / 2, abs=1e-3)
+
+
+@pytest.mark.parametrize("ending", READERS)
+def test_the_ruler_is_100_mm_between_its_outer_ends(tmp_path, ending):
+    write_board(Checkerboard(5, 4), tmp_path / f"b{ending}", square_mm=20)
+    _, r = READERS[ending](tmp_path / f"b{ending}")
+    thin = r[np.isclose(r[:, 2], 0.2, atol=1e-3)]
+    assert len(thin) == 11
+    assert (thin[:, 0] + thin[:, 2]).max() - thin[:, 0].min() == pytest.approx(100, abs=1e-3)
+    line = r[np.isclose(r[:, 3], 0.2, atol=1e-3)]
+    np.testing.assert_allclose(line[:, 2], 100, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("spec", "square", "page"), [("15x9", 17, "A4"), ("8x6", 23.7, "A4"), ("7x10", 30, "A3")]
+)
+def test_a_png_is_true_to_scale_for_opencv(tmp_path, spec, square, page):
+    board = parse_board(spec)
+    write_board(board, tmp_path / "b.png", square_mm=square, page=page)
+    with Image.open(tmp_path / "b.png") as picture:
+        dpi, image = np.array(picture.info["dpi"]), np.array(picture)
+    small = cv2.resize(image, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    found, corners = cv2.findChessboardCorners(small, (board.columns, board.rows))
+    assert found
+    corners = (corners + 0.5) * 4 - 0.5
+    term = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
+    corners = cv2.cornerSubPix(image, corners.astype(np.float32), (15, 15), (-1, -1), term)
+    mm = corners.reshape(board.rows, board.columns, 2) / dpi * 25.4
+    for axis in (0, 1):
+        spacing = np.linalg.norm(np.diff(mm, axis=axis), axis=-1)
+        np.testing.assert_allclose(spacing, square, atol=0.05)
+    diagonal = np.linalg.norm(mm[-1, -1] - mm[0, 0])
+    assert diagonal == pytest.approx(square * np.hypot(board.columns - 1, board.rows - 1), abs=0.05)
+
+
+def test_a_png_has_equal_squares_to_the_pixel(tmp_path):
+    write_board(Checkerboard(6, 5), tmp_path / "b.png", square_mm=19.3)
+    with Image.open(tmp_path / "b.png") as picture:
+        image = np.array(picture)
+    row = image[np.flatnonzero((image == 0).sum(axis=1) > image.shape[1] // 4)[10]]
+    assert len(set(np.diff(np.flatnonzero(np.diff(row.astype(int)))))) == 1
+
+
+def test_page_and_pixels_agree_in_a_png(tmp_path):
+    sheet = write_board(Checkerboard(8, 6), tmp_path / "b.png", square_mm=20)
+    with Image.open(tmp_path / "b.png") as picture:
+        mm = np.array(picture.size) / picture.info["dpi"] * 25.4
+    np.testing.assert_allclose(mm, (sheet.width, sheet.height), atol=0.1)
+
+
+@given(
+    st.builds(Checkerboard, st.integers(3, 20), st.integers(3, 20)),
+    st.floats(2, 60),
+    st.sampled_from(sorted(PAGES)) | st.builds("{}x{}mm".format, st.integers(30, 900), st.integers(30, 900)),
+)
+def test_a_board_is_laid_out_inside_the_page_or_refused(board, square, page):
+    try:
+        sheet = lay_out(board, square_mm=square, page=page)
+    except BoardError as error:
+        largest = float(re.search(r"that does is ([\d.]+) mm", str(error))[1])
+        assert largest < square
+        if largest > 0:
+            lay_out(board, square_mm=largest, page=page)
+        with pytest.raises(BoardError):
+            lay_out(board, square_mm=largest + 0.11, page=page)
+        return
+    left, top = np.min([(r.x, r.y) for r in sheet.black if r.width == r.height], axis=0)
+    right, bottom = left + (board.columns + 1) * square, top + (board.rows + 1) * square
+    footer = sheet.height - MARGIN - FOOTER
+    gaps = np.array([left, top, sheet.width - right, footer - bottom])
+    assert (gaps >= MARGIN - 1e-6).all()
+    roomy = sheet.width >= right - left + 2 * square and footer >= bottom - top + 2 * square
+    assert not roomy or (gaps >= square - 1e-6).all()
+    assert all(label.y - label.size >= footer - 1e-6 for label in sheet.labels)
+    ruler = [r for r in sheet.black if r.width != r.height]
+    assert all(r.y >= footer and r.x + r.width <= sheet.width - MARGIN + 1e-9 for r in ruler)
+
+
+def test_named_pages_turn_and_given_sizes_do_not():
+    assert lay_out(Checkerboard(15, 9), square_mm=15, page="A4").width == 297
+    assert lay_out(Checkerboard(9, 15), square_mm=15, page="a4").width == 210
+    assert lay_out(Checkerboard(9, 15), square_mm=5, page="297 x 210 mm").width == 297
+
+
+def test_what_was_printed_stands_on_the_sheet(tmp_path):
+    write_board(Checkerboard(8, 6), tmp_path / "b.svg", square_mm=22.5)
+    text = ElementTree.parse(tmp_path / "b.svg").find(f".//{SVG}text").text
+    assert re.search(r"8x6 .* 22\.5 mm, pinholify \d+\.\d+\.\d+.* 100 mm", text)
+
+
+def test_a_pdf_asks_the_viewer_not_to_scale(tmp_path):
+    write_board(Checkerboard(8, 6), tmp_path / "b.pdf", square_mm=20)
+    assert b"/PrintScaling /None" in (tmp_path / "b.pdf").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"square_mm": 25}, BoardError, "covers 400 x 250 mm and does not fit on A4; the largest .* is 17.9 mm"),
+        ({"square_mm": 0}, BoardError, "a square of 0 mm"),
+        ({"square_mm": float("nan")}, BoardError, "a square of nan mm"),
+        ({"square_mm": 10, "page": "A9"}, InputError, "'A9' is no page; name one of A0, .*Letter"),
+        ({"square_mm": 10, "page": "600x400"}, InputError, "'600x400' is no page"),
+        ({"square_mm": 10, "page": "10x10mm"}, InputError, "between 30 and 5000 mm"),
+    ],
+)
+def test_what_cannot_be_printed_is_refused_and_nothing_is_written(tmp_path, options, error, words):
+    with pytest.raises(error, match=words):
+        write_board(Checkerboard(15, 9), tmp_path / "b.pdf", **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_endings_places_and_sizes_that_do_not_work_are_refused(tmp_path):
+    board = Checkerboard(8, 6)
+    with pytest.raises(InputError, match=r"ends in '.jpg'; .*\.pdf, \.svg, \.png"):
+        write_board(board, tmp_path / "b.jpg", square_mm=20)
+    with pytest.raises(InputError, match="has no ending"):
+        write_board(board, tmp_path / "b", square_mm=20)
+    with pytest.raises(InputError, match="write a PDF or SVG instead"):
+        write_board(board, tmp_path / "b.png", square_mm=20, page="5000x5000mm")
+    with pytest.raises(OutputError, match="folder does not exist"):
+        write_board(board, tmp_path / "none" / "b.pdf", square_mm=20)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_endings_are_read_in_capitals_and_files_are_replaced_as_a_whole(tmp_path, ending):
+    path = tmp_path / f"b{ending.upper()}"
+    path.write_text("old")
+    write_board(Checkerboard(3, 4), str(path), square_mm=10, page="A5")
+    assert path.stat().st_size > 500
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_kind_of_board_that_has_no_drawing_is_refused():
+    class Unknown:
+        columns, rows, spec, orientable = 3, 3, "unknown:3x3", True
+
+    with pytest.raises(BoardError, match="of the kind Unknown cannot be printed; these can: Checkerboard"):
+        lay_out(Unknown(), square_mm=10, page="A4")
+
+
+def test_every_kind_of_board_has_a_drawing():
+    examples = {"checkerboard": "5x4"}
+    assert examples.keys() == BOARD_KINDS.keys()
+    for spec in examples.values():
+        board = parse_board(spec)
+        artwork = ARTWORKS[type(board)](board)
+        assert (artwork.columns, artwork.rows) >= (board.columns, board.rows)
+        assert all(0 <= r.x <= artwork.columns - r.width for r in artwork.black)
+        assert all(0 <= r.y <= artwork.rows - r.height for r in artwork.black)
