@@ -35,8 +35,8 @@ def board_poses(
 
     The first faces the middle of the first lens's image and comes as near as all lenses allow; the others
     stand at 1.1 to 2.6 times its distance, turned by up to ``tilt`` degrees about both axes of the board and
-    a little in its plane. Every corner keeps ``margin`` times the image's width from the border. Raises
-    ValueError where there is no room.
+    a little in its plane. Every corner keeps ``margin`` times the image's width from the border and from its
+    neighbours. Raises ValueError where there is no room.
     """
     rng = np.random.default_rng(seed)
     reference, distance = _reference(lenses, board, rng, margin)
@@ -49,7 +49,7 @@ def board_poses(
         pose = _facing(lenses[0], board, uv, distance * rng.uniform(1.1, 2.6), angles)
         if _sees_board(lenses, board, pose, margin):
             poses.append(pose)
-    raise ValueError(f"only {len(poses)} of {count} boards found room in the image; use a smaller board or tilt")
+    raise ValueError(f"only {len(poses)} of {count} boards found room in the image; give a smaller tilt")
 
 
 def virtual_camera(reference: Pose) -> tuple[float, float, float]:
@@ -75,7 +75,7 @@ def _facing(
     """The board on the ray of the pixel ``uv``, facing it, then turned by ``angles`` (z, y, x; degrees)."""
     origins, directions = lens.unproject(uv + np.array([[0.0, 0.0], [0.0, 1.0]]))
     z = directions[0]
-    # y points down in the image; x follows, so that a board is printed right-handed also where a mirror shows it.
+    # y points down in the image; x follows, so that the board is right-handed also where a mirror shows it.
     y = unit(((directions[1] - z) - (directions[1] - z) @ z * z)[None])[0]
     turn = Rotation.from_euler("zyx", angles, degrees=True).as_matrix()
     rotation = np.stack([np.cross(y, z), y, z], axis=1) @ turn
@@ -88,7 +88,7 @@ def _sees_board(lenses: Sequence[Lens], board: Checkerboard, pose: Pose, margin:
 
 
 def _shows_board(lens: Lens, board: Checkerboard, pose: Pose, gap: float) -> bool:
-    """Whether all corners keep ``gap`` px from the border and one another and are seen from the board's front."""
+    """Whether all corners keep ``gap`` px from border and neighbours and are seen from the board's front."""
     uv = true_corners(lens, board, pose)
     width, height = lens.size
     if not ((uv >= gap) & (uv <= (width - 1 - gap, height - 1 - gap))).all():
