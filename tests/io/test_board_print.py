@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from reportlab.pdfbase.pdfmetrics import stringWidth
 
 from pinholify.board import BOARD_KINDS, Checkerboard, parse_board
 from pinholify.errors import BoardError, InputError, OutputError
@@ -52,6 +53,8 @@ def test_squares_are_where_they_belong(tmp_path, ending, spec, square, page):
     sheet = write_board(board, tmp_path / f"b{ending}", square_mm=square, page=page)
     size, rectangles = READERS[ending](tmp_path / f"b{ending}")
     np.testing.assert_allclose(size, (sheet.width, sheet.height), atol=1e-3)
+    laid_out = [(r.x, r.y, r.width, r.height) for r in sheet.black]
+    np.testing.assert_allclose(rectangles, laid_out, atol=1e-3)
     squares = rectangles[np.isclose(rectangles[:, 2], rectangles[:, 3])]
     assert len(squares) == -(-(board.columns + 1) * (board.rows + 1) // 2)
     np.testing.assert_allclose(squares[:, 2:], square, atol=1e-3)
@@ -123,11 +126,11 @@ def test_a_board_is_laid_out_inside_the_page_or_refused(board, square, page):
     except BoardError as error:
         largest = float(re.search(r"that does is ([\d.]+) mm", str(error))[1])
         assert largest < square
-        if largest > 0:
-            lay_out(board, square_mm=largest, page=page)
         with pytest.raises(BoardError):
             lay_out(board, square_mm=largest + 0.11, page=page)
-        return
+        if largest == 0:
+            return
+        square, sheet = largest, lay_out(board, square_mm=largest, page=page)
     left, top = np.min([(r.x, r.y) for r in sheet.black if r.width == r.height], axis=0)
     right, bottom = left + (board.columns + 1) * square, top + (board.rows + 1) * square
     footer = sheet.height - MARGIN - FOOTER
@@ -135,7 +138,9 @@ def test_a_board_is_laid_out_inside_the_page_or_refused(board, square, page):
     assert (gaps >= MARGIN - 1e-6).all()
     roomy = sheet.width >= right - left + 2 * square and footer >= bottom - top + 2 * square
     assert not roomy or (gaps >= square - 1e-6).all()
-    assert all(label.y - label.size >= footer - 1e-6 for label in sheet.labels)
+    for label in sheet.labels:
+        assert label.y - label.size >= footer - 1e-6
+        assert label.x + stringWidth(label.text, "Helvetica", label.size) <= sheet.width - MARGIN + 1e-6
     ruler = [r for r in sheet.black if r.width != r.height]
     assert all(r.y >= footer and r.x + r.width <= sheet.width - MARGIN + 1e-9 for r in ruler)
 

@@ -12,13 +12,15 @@ from pinholify.io.files import atomic_path, reading_text, source_name, writing_t
 def test_a_finished_file_replaces_the_old_one_and_leaves_nothing_beside(tmp_path):
     target = tmp_path / "camera.npz"
     target.write_text("old")
+    os.link(target, tmp_path / "reader")  # Who has the old file open keeps all of it.
     with atomic_path(target) as temporary:
         assert temporary.parent == tmp_path
         assert temporary.suffix == ".npz"
         temporary.write_text("new")
         assert target.read_text() == "old"
     assert target.read_text() == "new"
-    assert os.listdir(tmp_path) == ["camera.npz"]
+    assert (tmp_path / "reader").read_text() == "old"
+    assert sorted(os.listdir(tmp_path)) == ["camera.npz", "reader"]
 
 
 def write_half(path, failure):
