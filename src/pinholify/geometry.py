@@ -70,6 +70,23 @@ def estimate_homography(source: Floats, target: Floats, whitening: Floats | None
     return np.asarray(h / h[2, 2])
 
 
+def homography_response(h: Floats, source: Floats, whitening: Floats) -> Floats:
+    """How the least-squares homography ``h`` (h₃₃ = 1) moves when its target points do: ∂h/∂targets, (9, 2N).
+
+    ``source`` (N, 2) and ``whitening`` (N, 2, 2) are those of :func:`estimate_homography`.
+    """
+    row = homogeneous(source) / (homogeneous(source) @ h[2])[:, None]
+    mapped = apply_homography(h, source)
+    jacobian = np.zeros((len(source), 2, 8))
+    jacobian[:, 0, 0:3] = jacobian[:, 1, 3:6] = row
+    jacobian[:, :, 6:8] = -mapped[:, :, None] * row[:, None, :2]
+    weighted = (whitening @ jacobian).reshape(-1, 8)
+    scale = np.linalg.norm(weighted, axis=0)
+    pseudo = (np.linalg.pinv(weighted / scale) / scale[:, None]).reshape(8, -1, 2)
+    response = np.einsum("pni,nij->pnj", pseudo, whitening).reshape(8, -1)
+    return np.concatenate([response, np.zeros((1, response.shape[1]))])
+
+
 def _homography_step(h: Floats, p: Floats, q: Floats, weight: Floats) -> Floats:
     ph = homogeneous(p)
     w = ph @ h[2]

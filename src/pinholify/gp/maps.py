@@ -22,6 +22,7 @@ from pinholify.gp.trends import Trend
 
 NEWTON_STEPS = 20
 NEWTON_TOLERANCE = 1e-13  # of the inputs' extent
+NEWTON_ROUNDING = 1e-7  # an error below this that no longer shrinks is the rounding error of the kernel sum
 
 
 class PlaneMap(Protocol):
@@ -37,6 +38,10 @@ class PlaneMap(Protocol):
 
     def covariance(self, uv: Floats) -> Floats:
         """Posterior covariance of q at ``uv`` (n, 2): (n, 2, 2)."""
+        ...
+
+    def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
+        """How q at ``uv`` (n, 2) would move had the data been drawn anew with other noise: (draws, n, 2)."""
         ...
 
 
@@ -88,6 +93,12 @@ class AdditiveMap:
         variances = np.stack([gp.variance(x) for gp in self.processes], axis=1)
         return variances[:, :, None] * np.eye(2) * self.outputs.scale**2
 
+    def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
+        """Shifts of q (draws, n, 2), to first order."""
+        x = self.inputs.normalise(uv)
+        moves = [gp.noise_response(x, np.empty((1, len(x), 0)), draws, rng) for gp in self.processes]
+        return np.concatenate(moves, axis=2) * self.outputs.scale
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DisplacementMap:
@@ -115,6 +126,13 @@ class DisplacementMap:
         covariance = self.process.covariance(w, trend_features(self.trend, self.beta, w)) * self.inputs.scale**2
         return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
 
+    def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
+        """Shifts of q (draws, n, 2), to first order; a point seen farther right is mapped farther left."""
+        w = self._undisplaced(self.inputs.normalise(uv))
+        features = trend_features(self.trend, self.beta, w)
+        moves = self.process.noise_response(w, features, draws, rng) * self.inputs.scale
+        return np.einsum("nij,dnj->dni", -self._jacobian_at(w), moves)
+
     def _jacobian_at(self, w: Floats) -> Floats:
         inner = np.linalg.inv(np.eye(2) + self.process.jacobian(w))
         outer = self.trend.input_jacobian(self.beta, w)
@@ -123,9 +141,11 @@ class DisplacementMap:
     def _undisplaced(self, x: Floats) -> Floats:
         """The w with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
         w = x - self.process.mean(x)
+        largest = np.inf
         for _ in range(NEWTON_STEPS):
             error = w + self.process.mean(w) - x
-            if np.abs(error).max(initial=0.0) < NEWTON_TOLERANCE:
+            before, largest = largest, float(np.abs(error).max(initial=0.0))
+            if largest < NEWTON_TOLERANCE or before / 2.0 < largest < NEWTON_ROUNDING:
                 break
             w = w - np.linalg.solve(np.eye(2) + self.process.jacobian(w), error[:, :, None])[:, :, 0]
         return np.asarray(w)

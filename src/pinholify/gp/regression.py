@@ -49,6 +49,7 @@ class GaussianProcess:
     coefficients: Floats
     precision_factor: Floats
     solved_features: Floats
+    relative_noise: Floats
     log_marginal_likelihood: float
 
     def mean(self, x: Floats) -> Floats:
@@ -78,6 +79,20 @@ class GaussianProcess:
         half = half.reshape(features.shape[2], len(self.weights), len(x))
         linear = np.einsum("paq,pbq->qab", half, half)
         return np.asarray(linear + self.variance(x)[:, None, None] * np.eye(len(self.weights)))
+
+    def noise_response(self, x: Floats, features: Floats, draws: int, rng: np.random.Generator) -> Floats:
+        """How the mean of g + F c at ``x`` (q, d) would move had the targets other noise: (draws, q, m)."""
+        m, n, p = self.solved_features.shape
+        noise = self.noise_std * self.relative_noise * rng.standard_normal((draws, m, n))
+        moved_weights = cho_solve((self.cholesky, True), noise.reshape(-1, n).T).T.reshape(draws, m, n)
+        moved = np.zeros((draws, p))
+        if p:
+            right = np.einsum("mnp,dmn->pd", self.solved_features, noise)
+            moved = cho_solve((self.precision_factor, True), right).T
+            moved_weights = moved_weights - np.einsum("mnp,dp->dmn", self.solved_features, moved)
+        cross = self.kernel.covariance(x, self.inputs)
+        return np.asarray(np.einsum("qn,dmn->dqm", cross, moved_weights, optimize=True)
+                          + np.einsum("mqp,dp->dqm", features, moved, optimize=True))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +133,7 @@ def _solve(kernel: Kernel, noise_std: float, observed: Data, covariance: Floats)
     cholesky = np.linalg.cholesky(noisy)
     solved_targets = cho_solve((cholesky, True), y, check_finite=False).T
     if not p:
-        return _plain(kernel, noise_std, x, y, cholesky, solved_targets)
+        return _plain(kernel, noise_std, observed, cholesky, solved_targets)
     solved_features = np.stack([cho_solve((cholesky, True), f, check_finite=False) for f in linear.features])
     precision = np.diag(linear.std**-2.0) + np.einsum("mnp,mnq->pq", linear.features, solved_features)
     right = linear.mean * linear.std**-2.0 + np.einsum("mnp,mn->p", linear.features, solved_targets)
@@ -132,18 +147,36 @@ def _solve(kernel: Kernel, noise_std: float, observed: Data, covariance: Floats)
     )
     likelihood = -0.5 * (misfit + log_determinant + n * m * LOG_2PI)
     return GaussianProcess(
-        kernel, noise_std, x, weights, cholesky, coefficients, precision_factor, solved_features, float(likelihood)
+        kernel,
+        noise_std,
+        x,
+        weights,
+        cholesky,
+        coefficients,
+        precision_factor,
+        solved_features,
+        observed.relative_noise,
+        float(likelihood),
     )
 
 
 def _plain(
-    kernel: Kernel, noise_std: float, x: Floats, y: Floats, cholesky: Floats, weights: Floats
+    kernel: Kernel, noise_std: float, observed: Data, cholesky: Floats, weights: Floats
 ) -> GaussianProcess:
     """The common case without a linear part, where nothing of it need be computed."""
-    n, m = y.shape
-    likelihood = -0.5 * float((y.T * weights).sum()) - m * (np.log(np.diag(cholesky)).sum() + 0.5 * n * LOG_2PI)
+    n, m = observed.y.shape
+    likelihood = -0.5 * float((observed.y.T * weights).sum()) - m * (np.log(np.diag(cholesky)).sum() + 0.5 * n * LOG_2PI)
     return GaussianProcess(
-        kernel, noise_std, x, weights, cholesky, np.empty(0), np.empty((0, 0)), np.empty((m, n, 0)), float(likelihood)
+        kernel,
+        noise_std,
+        observed.x,
+        weights,
+        cholesky,
+        np.empty(0),
+        np.empty((0, 0)),
+        np.empty((m, n, 0)),
+        observed.relative_noise,
+        float(likelihood),
     )
 
 

@@ -1,0 +1,1 @@
+"""Calibration of the virtual camera by a simplified Zhang's method (paper, appendix B)."""

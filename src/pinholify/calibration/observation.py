@@ -1,0 +1,155 @@
+"""What a calibrated camera makes of each board: which corners count, its homography, its pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+from pinholify.board import Board
+from pinholify.calibration.poses import Sighting, refine_pose
+from pinholify.calibration.zhang import pose_from_homography
+from pinholify.camera import VirtualCamera
+from pinholify.charts import Intrinsics
+from pinholify.corners import Corners, CornerSet
+from pinholify.geometry import Pose, apply_homography, estimate_homography, homography_jacobian
+from pinholify.gp.maps import PlaneMap
+
+MINIMUM_CORNERS = 8
+MINIMUM_INSIDE = 0.9
+WRONG_CORNERS = 10.0  # times the median misfit of all boards
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MappedBoard:
+    """A board in the virtual plane.
+
+    ``inside`` (n,) marks the corners that count; ``lattice``, ``uv``, ``xy`` (m, 2) and ``whitening`` (m, 2, 2: squares
+    to px) are those corners alone. ``used`` says whether the board counts for K and the measures, ``reason`` why not.
+    ``homography`` (3, 3) takes the lattice to the virtual plane, ``misfit_px`` is its RMS distance a corner in px.
+    """
+
+    name: str
+    used: bool
+    reason: str
+    corners: int
+    inside: Bools
+    lattice: Floats
+    uv: Floats
+    xy: Floats
+    whitening: Floats
+    homography: Floats
+    misfit_px: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObservedBoard:
+    """A used board with its pose, in closed form and refined; both camera_from_board in squares."""
+
+    board: MappedBoard
+    closed_form: Pose
+    refined: Pose
+    refined_covariance: Floats
+
+
+def unused(view: Corners, reason: str, inside: Bools | None = None) -> MappedBoard:
+    """A board that does not count, and why."""
+    inside = np.zeros(len(view), dtype=bool) if inside is None else inside
+    nothing = np.empty((0, 2))
+    return MappedBoard(
+        view.name, False, reason, len(view), inside, nothing, nothing, nothing, np.empty((0, 2, 2)), np.eye(3), np.nan
+    )
+
+
+def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: Floats) -> MappedBoard:
+    """The board of ``view`` in the virtual plane: ``xy`` (m, 2) and ∂xy/∂uv (m, 2, 2) at the corners ``inside``."""
+    count, total = int(inside.sum()), len(view)
+    if not view.found:
+        return unused(view, view.reason or "no board found")
+    if count < max(MINIMUM_CORNERS, MINIMUM_INSIDE * total):
+        return unused(view, f"{count} of {total} corners lie where the camera may be believed", inside)
+    lattice, uv = view.lattice(board)[inside], view.uv[inside]
+    if np.linalg.matrix_rank(lattice - lattice.mean(axis=0)) < 2:
+        return unused(view, "all its corners lie on one line", inside)
+    whitening = np.linalg.inv(jacobian) * view.weights[inside][:, None, None]
+    homography = estimate_homography(lattice, xy, whitening)
+    if np.linalg.det(homography_jacobian(homography, lattice.mean(axis=0, keepdims=True))[0]) < 0:
+        return unused(view, "its corners are numbered with the other handedness than the reference's", inside)
+    residual = (whitening @ (apply_homography(homography, lattice) - xy)[:, :, None])[:, :, 0]
+    misfit = float(np.sqrt((residual**2).sum(axis=1).mean()))
+    return MappedBoard(view.name, True, "", total, inside, lattice, uv, xy, whitening, homography, misfit)
+
+
+def map_boards(corner_set: CornerSet, plane_map: PlaneMap, inside: list[Bools]) -> list[MappedBoard]:
+    """Every view's board in the plane of ``plane_map``; ``inside`` marks the corners that may count, a view each.
+
+    Boards that misfit a homography much worse than the others are set aside by name.
+    """
+    boards = [
+        map_board(view, corner_set.board, keep, plane_map.value(view.uv[keep]), plane_map.jacobian(view.uv[keep]))
+        for view, keep in zip(corner_set.views, inside, strict=True)
+    ]
+    return without_wrong_corners(boards, corner_set)
+
+
+def without_wrong_corners(boards: list[MappedBoard], corner_set: CornerSet) -> list[MappedBoard]:
+    """The same boards, those that fit no plane set aside."""
+    misfits = [b.misfit_px for b in boards if b.used]
+    limit = WRONG_CORNERS * float(np.median(misfits)) if len(misfits) > 2 else np.inf
+    return [
+        unused(view, f"its corners lie {b.misfit_px:.1f} px off any flat board: wrong corners?", b.inside)
+        if b.used and b.misfit_px > limit
+        else b
+        for view, b in zip(corner_set.views, boards, strict=True)
+    ]
+
+
+def observe(camera: VirtualCamera, corner_set: CornerSet) -> tuple[list[MappedBoard], dict[str, ObservedBoard]]:
+    """All boards of ``corner_set`` as ``camera`` sees them, and the poses of those that count, by name."""
+    inside = [camera.inside(view.uv) for view in corner_set.views]
+    mapped = [
+        map_board(
+            view,
+            corner_set.board,
+            keep,
+            camera.virtual_points(view.uv[keep]),
+            camera.virtual_jacobian(view.uv[keep]),
+        )
+        for view, keep in zip(corner_set.views, inside, strict=True)
+    ]
+    mapped = without_wrong_corners(mapped, corner_set)
+    return mapped, {b.name: locate(camera, b) for b in mapped if b.used}
+
+
+def sighting(camera: VirtualCamera, board: MappedBoard) -> Sighting:
+    """What ``camera`` saw of ``board``, in its chart's coordinates."""
+    return sighting_of(camera, board.lattice, board.uv)
+
+
+def sighting_of(camera: VirtualCamera, lattice: Floats, uv: Floats) -> Sighting:
+    """What ``camera`` saw of lattice points (n, 2) at pixels ``uv`` (n, 2)."""
+    return Sighting(lattice, camera.plane_map.value(uv), np.linalg.inv(camera.plane_map.jacobian(uv)))
+
+
+def locate(camera: VirtualCamera, board: MappedBoard) -> ObservedBoard:
+    """The poses of a used board."""
+    closed = pose_from_homography(board.homography, camera.intrinsics)
+    refined, covariance = refine_pose(sighting(camera, board), closed, camera.chart)
+    return ObservedBoard(board, closed, refined, covariance)
+
+
+def estimate_pose(camera: VirtualCamera, seen: Sighting) -> tuple[Pose, Floats]:
+    """The pose of least squared px residuals of a flat target, and its covariance (6, 6) at 1 px of noise per axis.
+
+    Starts from a homography in a plane across the mean ray, so rays beyond 90° from the axis are no trouble.
+    """
+    directions = camera.chart.directions(seen.coordinates)
+    axis = directions.mean(axis=0)
+    turn = np.linalg.qr(np.column_stack([axis, np.eye(3)]))[0][:, [1, 2, 0]]  # columns: a frame whose z is the axis
+    turn = turn * np.sign(axis @ turn[:, 2])
+    turn = turn * [1.0, np.sign(np.linalg.det(turn)), 1.0]
+    local = directions @ turn
+    xy = local[:, :2] / local[:, 2:]
+    start = pose_from_homography(estimate_homography(seen.lattice, xy), Intrinsics(1.0, 0.0, 0.0))
+    return refine_pose(seen, Pose(turn @ start.rotation, turn @ start.translation), camera.chart)

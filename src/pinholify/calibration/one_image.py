@@ -1,0 +1,176 @@
+"""The paper's method: one image makes the camera, further ones only find three numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+from pinholify.calibration.observation import MappedBoard, map_boards
+from pinholify.calibration.poses import Sighting, refine_intrinsics
+from pinholify.calibration.result import Calibration
+from pinholify.calibration.zhang import jackknife_std, pose_from_homography, simplified_zhang, solve
+from pinholify.camera import Domain, VirtualCamera
+from pinholify.charts import Intrinsics, PlaneChart
+from pinholify.corners import Corners, CornerSet
+from pinholify.errors import CalibrationError, DegenerateError, InputError
+from pinholify.geometry import ConvexRegion, convex_hull, homography_response, normalising_similarity
+from pinholify.gp.fitting import FittedMap, fit_map
+
+MINIMUM_REFERENCE_CORNERS = 16
+DRAWS = 200
+LARGEST_RELATIVE_STD = 0.5
+
+
+def calibrate_one_image(
+    corner_set: CornerSet,
+    *,
+    reference: str | None = None,
+    kernel: str = "se",
+    trend: str = "auto",
+    mirrored: bool = False,
+    square_mm: float | None = None,
+) -> Calibration:
+    """The virtual camera that one board makes, with K from the others in closed form (paper, section 2.2).
+
+    ``reference`` names the board the map is learnt from; by default the one that covers most of the frame. Raises
+    InputError for a reference that is not there or is numbered with the wrong handedness, CalibrationError where too
+    little is seen, DegenerateError where the boards do not determine K.
+    """
+    view = reference_view(corner_set, reference)
+    lattice = view.lattice(corner_set.board)
+    fitted = fit_map(view.uv, lattice, kernel=kernel, trend=trend, relative_noise=1.0 / view.weights)
+    hull = convex_hull(view.uv)
+    check_handedness(fitted, view, mirrored)
+    others = _boards_beside_reference(corner_set, view, fitted, hull)
+    homographies, plane = np.stack([b.homography for b in others]), _plane_normalisation(others)
+    closed = simplified_zhang(homographies, plane)
+    std = _intrinsics_std(others, homographies, plane, fitted)
+    if not std[0] < LARGEST_RELATIVE_STD * closed.intrinsics.f:
+        raise DegenerateError(
+            f"the {len(others)} boards beside the reference do not determine f, uc and vc (f = {closed.intrinsics.f:.3g} ± "
+            f"{std[0]:.2g} squares, singular values {', '.join(f'{s:.2g}' for s in closed.singular_values)}): add "
+            "photographs in which the board is tilted in at least two ways, parallel neither to the reference nor to each other"
+        )
+    camera = VirtualCamera(
+        fitted.map,
+        PlaneChart(closed.intrinsics),
+        closed.intrinsics,
+        Domain(hull),
+        corner_set.image_size,
+        fitted.noise,
+        mirrored,
+    )
+    refined = _refined(others, closed.intrinsics)
+    details: dict[str, object] = {
+        "singular_values": [float(s) for s in closed.singular_values],
+        "log_evidence": dict(fitted.candidates),
+    }
+    return Calibration(
+        camera, corner_set, "one-image", kernel, fitted.trend, view.name, std, refined, square_mm, details
+    )
+
+
+def reference_view(corner_set: CornerSet, name: str | None) -> Corners:
+    """The view called ``name`` (whole, or its last part), or the one whose board covers most of the frame.
+
+    Raises CalibrationError when no board was found at all or the chosen view shows too few corners, InputError when
+    no view or two views are called so.
+    """
+    if not corner_set.found:
+        raise CalibrationError(
+            f"no {corner_set.board.spec} board was found in any of the {len(corner_set.views)} images: "
+            "check the board's size (inner corners, columns x rows) and that it is sharp and wholly visible"
+        )
+    view = max(corner_set.found, key=_coverage) if name is None else _named(corner_set, name)
+    if len(view) < MINIMUM_REFERENCE_CORNERS:
+        raise CalibrationError(
+            f"the reference '{view.name}' shows {len(view)} corners of the board and at least "
+            f"{MINIMUM_REFERENCE_CORNERS} are needed: choose a photograph in which the board fills the frame"
+        )
+    return view
+
+
+def _coverage(view: Corners) -> float:
+    return convex_hull(view.uv).area
+
+
+def _named(corner_set: CornerSet, name: str) -> Corners:
+    whole = [v for v in corner_set.views if v.name == name]
+    matches = whole or [v for v in corner_set.views if v.name.rsplit("/", 1)[-1] == name.rsplit("/", 1)[-1]]
+    if len(matches) != 1:
+        raise InputError(
+            f"the reference '{name}' names {len(matches) or 'none'} of the {len(corner_set.views)} images: "
+            "give the name of exactly one, as it stands in the list of images"
+        )
+    return matches[0]
+
+
+def check_handedness(fitted: FittedMap, view: Corners, mirrored: bool) -> None:
+    """Raise InputError when the reference board's numbering is of the other handedness than ``mirrored`` says."""
+    determinant = np.median(np.linalg.det(fitted.map.jacobian(view.uv)))
+    if (determinant < 0) != mirrored:
+        found, needed = ("left", "right") if determinant < 0 else ("right", "left")
+        remedy = "leave --mirrored out" if mirrored else "say --mirrored if the camera looks into a mirror"
+        raise InputError(
+            f"the corners of the reference '{view.name}' are numbered {found}-handed as seen in the image and "
+            f"{needed}-handed is expected: {remedy}, or number x to the right and y down"
+        )
+
+
+def _boards_beside_reference(
+    corner_set: CornerSet, view: Corners, fitted: FittedMap, hull: ConvexRegion
+) -> list[MappedBoard]:
+    inside: list[Bools] = [hull.contains(v.uv) for v in corner_set.views]
+    mapped = map_boards(corner_set, fitted.map, inside)
+    others = [b for b in mapped if b.used and b.name != view.name]
+    if len(others) < 2:
+        raise DegenerateError(
+            f"beside the reference '{view.name}' {len(corner_set.found) - 1} images show the board, {len(others)} of them with "
+            "at least 90 % of its corners inside the reference board's outline; two or more are needed to determine f, uc "
+            "and vc: add photographs of the tilted board, or choose a reference in which it fills more of the frame"
+        )
+    return others
+
+
+def _plane_normalisation(boards: list[MappedBoard]) -> Floats:
+    return normalising_similarity(np.concatenate([b.xy for b in boards]))
+
+
+def _refined(boards: list[MappedBoard], intrinsics: Intrinsics) -> Intrinsics:
+    sightings = [Sighting(b.lattice, b.xy, b.whitening) for b in boards]
+    poses = [pose_from_homography(b.homography, intrinsics) for b in boards]
+    return refine_intrinsics(sightings, intrinsics, poses).intrinsics
+
+
+def _intrinsics_std(
+    boards: list[MappedBoard], homographies: Floats, plane: Floats, fitted: FittedMap
+) -> Floats:
+    """Standard deviations of f, uc, vc: the map's common error, and the boards' own.
+
+    The map's part draws new noise on the reference's corners and follows it to first order. The boards' part is the
+    jackknife, which also sees what no noise model knows (a bent board), or below four boards their corners' noise.
+    """
+    rng = np.random.default_rng(0)
+    jackknife = jackknife_std(homographies, plane)
+    shifts = fitted.map.noise_response(np.concatenate([b.uv for b in boards]), DRAWS, rng)
+    if jackknife is None:
+        noise = fitted.noise * rng.standard_normal(shifts.shape)
+        shifts = shifts + _into_plane(boards, noise)
+    drawn = np.empty((DRAWS, len(boards), 3, 3))
+    ends = np.cumsum([len(b.uv) for b in boards])
+    for i, (board, shift) in enumerate(zip(boards, np.split(shifts, ends[:-1], axis=1), strict=True)):
+        response = homography_response(board.homography, board.lattice, board.whitening)
+        drawn[:, i] = board.homography + (shift.reshape(DRAWS, -1) @ response.T).reshape(DRAWS, 3, 3)
+    values, _, valid = solve(drawn, plane)
+    if valid.mean() < 0.9:
+        return np.full(3, np.inf)
+    common = values[valid].std(axis=0, ddof=1)
+    return common if jackknife is None else np.hypot(common, jackknife)
+
+
+def _into_plane(boards: list[MappedBoard], noise: Floats) -> Floats:
+    to_plane = np.concatenate([np.linalg.inv(b.whitening) for b in boards])
+    return np.einsum("nij,dnj->dni", to_plane, noise)
+
+
+__all__ = ["calibrate_one_image", "check_handedness", "reference_view"]

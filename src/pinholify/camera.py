@@ -1,0 +1,188 @@
+"""The virtual camera: pixels ↔ virtual plane ↔ rays, each with its standard deviation, and where to believe it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pinholify.arrays import Bools, Floats
+from pinholify.charts import Chart, Intrinsics
+from pinholify.geometry import ConvexRegion
+from pinholify.gp.maps import PlaneMap
+
+INVERSE_STEPS = 60
+INVERSE_TOLERANCE = 1e-7  # px
+ROUNDING = 1e-2  # px
+START_GRID = 48
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mapped:
+    """Points (n, 2) and their covariance (n, 2, 2), of the map alone: a new corner's own noise comes on top."""
+
+    points: Floats
+    covariance: Floats
+
+    @property
+    def std(self) -> Floats:
+        """Standard deviations along both axes, (n, 2)."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rays:
+    """Rays of pixels in the camera frame of the reference board.
+
+    ``origins`` (n, 3) in squares, ``directions`` (n, 3) unit vectors, ``std_px`` (n,) root mean square over both axes
+    of the map's standard deviation, in px of the image. A camera with a single centre has all origins at zero.
+    """
+
+    origins: Floats
+    directions: Floats
+    std_px: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Domain:
+    """Where a camera may be believed: inside ``hull`` (px) and where the map's std is at most ``max_std`` (px)."""
+
+    hull: ConvexRegion
+    max_std: float = np.inf
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VirtualCamera:
+    """An ideal pinhole camera behind a learnt map of its image.
+
+    ``plane_map`` takes pixels to chart coordinates, ``chart`` those to rays. The frame is the reference board's: the
+    optical centre at the origin, z perpendicular to that board, whose plane is the virtual plane at z = f squares.
+    ``image_size`` is (width, height) px; ``mirrored`` says that the image is a reflection; ``noise_px`` is the std of a
+    corner's place per axis that the fit found.
+    """
+
+    plane_map: PlaneMap
+    chart: Chart
+    intrinsics: Intrinsics
+    domain: Domain
+    image_size: tuple[int, int]
+    noise_px: float
+    mirrored: bool = False
+
+    # --- from pixels ---
+
+    def to_rays(self, uv: Floats) -> Rays:
+        """The rays of pixels ``uv`` (n, 2)."""
+        directions = self.chart.directions(self.plane_map.value(uv))
+        variance = np.trace(self.pixel_covariance(uv), axis1=1, axis2=2)
+        return Rays(np.zeros_like(directions), directions, np.sqrt(variance / 2.0))
+
+    def to_virtual(self, uv: Floats) -> Mapped:
+        """Virtual points of pixels ``uv`` (n, 2), in squares; nan for rays at 90° from the axis and beyond."""
+        directions = self.chart.directions(self.plane_map.value(uv))
+        jacobian = self.virtual_jacobian(uv)
+        covariance = jacobian @ self.pixel_covariance(uv) @ jacobian.transpose(0, 2, 1)
+        return Mapped(self.intrinsics.project(directions), np.asarray(covariance))
+
+    def virtual_points(self, uv: Floats) -> Floats:
+        """Virtual points alone (n, 2), in squares: :meth:`to_virtual` without the covariance."""
+        return self.intrinsics.project(self.chart.directions(self.plane_map.value(uv)))
+
+    def virtual_jacobian(self, uv: Floats) -> Floats:
+        """∂ virtual point/∂uv, (n, 2, 2) squares per px."""
+        q = self.plane_map.value(uv)
+        by_direction = self.intrinsics.projection_jacobian(self.chart.directions(q))
+        return np.asarray(by_direction @ self.chart.direction_jacobian(q) @ self.plane_map.jacobian(uv))
+
+    def pixel_covariance(self, uv: Floats) -> Floats:
+        """Covariance (n, 2, 2) of the map expressed as a shift of the pixel, px²."""
+        inverse = np.linalg.inv(self.plane_map.jacobian(uv))
+        return np.asarray(inverse @ self.plane_map.covariance(uv) @ inverse.transpose(0, 2, 1))
+
+    def inside(self, uv: Floats) -> Bools:
+        """Whether each pixel (n, 2) lies in the domain."""
+        inside = self.domain.hull.contains(uv)
+        if np.isfinite(self.domain.max_std) and inside.any():
+            variance = np.trace(self.pixel_covariance(uv[inside]), axis1=1, axis2=2)
+            inside[inside] = variance <= 2.0 * self.domain.max_std**2
+        return inside
+
+    # --- to pixels ---
+
+    def from_virtual(self, xy: Floats) -> Mapped:
+        """Pixels that see virtual points ``xy`` (n, 2); nan where the inverse does not converge."""
+        return self.from_rays(self.intrinsics.directions(xy))
+
+    def from_rays(self, xyz: Floats) -> Mapped:
+        """Pixels that see points or directions ``xyz`` (n, 3); nan where none does."""
+        uv = self.project(xyz)
+        covariance = np.full((len(uv), 2, 2), np.nan)
+        found = np.isfinite(uv).all(axis=1)
+        covariance[found] = self.pixel_covariance(uv[found])
+        return Mapped(uv, covariance)
+
+    def project(self, xyz: Floats) -> Floats:
+        """Pixels alone (n, 2) of points ``xyz`` (n, 3) of the camera frame: :meth:`from_rays` without covariance."""
+        q = self.chart.coordinates(xyz)
+        uv = np.full((len(xyz), 2), np.nan)
+        known = np.isfinite(q).all(axis=1)
+        if known.any():
+            uv[known] = invert(self.plane_map, q[known], self.image_size, self.domain.hull)
+        return uv
+
+
+def invert(plane_map: PlaneMap, q: Floats, image_size: tuple[int, int], hull: ConvexRegion) -> Floats:
+    """Pixels (n, 2) that ``plane_map`` takes to ``q`` (n, 2), by Newton's method; nan where it does not converge.
+
+    Starts from the nearest of a grid of pixels where the map keeps the handedness it has inside ``hull``. A pixel
+    farther outside the image than the image is large counts as not converged.
+    """
+    grid, at_grid, reach = _start_grid(plane_map, image_size, hull)
+    uv = grid[cKDTree(at_grid).query(q)[1]]
+    active = np.arange(len(q))
+    done = np.zeros(len(q), dtype=bool)
+    before = np.full(len(q), np.inf)
+    for _ in range(INVERSE_STEPS):
+        step = _newton_step(plane_map, uv[active], q[active], reach)
+        uv[active] += step
+        length = np.linalg.norm(step, axis=1)
+        # Short steps that no longer shrink are the rounding error of the kernel sum, which no step undoes.
+        arrived = (length < INVERSE_TOLERANCE) | ((length < ROUNDING) & (length > before[active] / 2.0))
+        done[active[arrived]] = True
+        before[active] = length
+        active = active[~arrived & np.isfinite(length)]
+        if not len(active):
+            break
+    far = (np.abs(uv / image_size - 0.5) > 1.5).any(axis=1)
+    return np.where((done & ~far)[:, None], uv, np.nan)
+
+
+def _start_grid(
+    plane_map: PlaneMap, image_size: tuple[int, int], hull: ConvexRegion
+) -> tuple[Floats, Floats, float]:
+    width, height = image_size
+    u, v = np.linspace(0, width - 1, START_GRID), np.linspace(0, height - 1, START_GRID)
+    grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    grid = np.concatenate([grid, hull.vertices, hull.vertices.mean(axis=0, keepdims=True)])
+    handedness = np.sign(np.linalg.det(plane_map.jacobian(grid)))
+    keep = handedness == np.sign(handedness[hull.contains(grid)].sum())
+    grid = grid[keep]
+    return grid, plane_map.value(grid), 2.0 * max(u[1], v[1])
+
+
+def _newton_step(plane_map: PlaneMap, uv: Floats, q: Floats, reach: float) -> Floats:
+    """One step (n, 2) px, no longer than ``reach``; nan where the map is singular."""
+    jacobian = plane_map.jacobian(uv)
+    error = q - plane_map.value(uv)
+    determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        step = np.stack(
+            [
+                (jacobian[:, 1, 1] * error[:, 0] - jacobian[:, 0, 1] * error[:, 1]) / determinant,
+                (jacobian[:, 0, 0] * error[:, 1] - jacobian[:, 1, 0] * error[:, 0]) / determinant,
+            ],
+            axis=1,
+        )
+        length = np.linalg.norm(step, axis=1, keepdims=True)
+        return np.asarray(step * np.minimum(1.0, reach / np.maximum(length, 1e-300)))

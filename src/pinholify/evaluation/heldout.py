@@ -1,0 +1,86 @@
+"""Held-out error: train on some boards, refit only the pose on others, score in px of the original image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Floats
+from pinholify.calibration.observation import estimate_pose, sighting_of
+from pinholify.calibration.poses import pose_residuals
+from pinholify.camera import VirtualCamera
+from pinholify.corners import Corners, CornerSet
+from pinholify.evaluation.baseline import BoardPoints, fit_opencv
+from pinholify.evaluation.measures import rms
+from pinholify.geometry import convex_hull
+
+MINIMUM_CORNERS = 20
+
+PoseResiduals = Callable[[BoardPoints], Floats | None]
+"""Residuals (n, 2) px of a board after refitting its pose; None where no pose is found."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Split:
+    """Boards to train on, and the corners to score: those inside the hull of all training corners."""
+
+    train: tuple[Corners, ...]
+    test: tuple[BoardPoints, ...]
+
+
+def by_size(views: Sequence[Corners]) -> list[Corners]:
+    """Views with the largest hull first."""
+    return sorted(views, key=lambda view: -convex_hull(view.uv).area)
+
+
+def alternating_split(corner_set: CornerSet, views: Sequence[Corners]) -> Split:
+    """Boards by hull area: train on 0, 1, 3, 5, …, test on 2, 4, 6, …."""
+    ordered = by_size(views)
+    train = [v for i, v in enumerate(ordered) if i == 0 or i % 2 == 1]
+    return _split(corner_set, train, [v for i, v in enumerate(ordered) if i and i % 2 == 0])
+
+
+def folds(corner_set: CornerSet, views: Sequence[Corners], count: int) -> list[Split]:
+    """``count`` splits over boards; the largest board always trains, every other one is tested once."""
+    first, *others = by_size(views)
+    return [
+        _split(corner_set, [first, *(v for i, v in enumerate(others) if i % count != k)], others[k::count])
+        for k in range(count)
+    ]
+
+
+def _split(corner_set: CornerSet, train: Sequence[Corners], test: Sequence[Corners]) -> Split:
+    hull = convex_hull(np.concatenate([v.uv for v in train]))
+    scored = []
+    for view in test:
+        inside = hull.contains(view.uv)
+        if inside.sum() >= MINIMUM_CORNERS:
+            scored.append(BoardPoints(view.lattice(corner_set.board)[inside], view.uv[inside]))
+    return Split(tuple(train), tuple(scored))
+
+
+def heldout_rms(residuals: PoseResiduals, splits: Sequence[BoardPoints]) -> float | None:
+    """Pooled per-point RMS in px over boards; None where there is nothing to score or a board finds no pose."""
+    each = [residuals(board) for board in splits]
+    found = [r for r in each if r is not None and np.isfinite(r).all()]
+    return rms(np.concatenate(found)) if found and len(found) == len(each) else None
+
+
+def camera_residuals(camera: VirtualCamera) -> PoseResiduals:
+    """Residuals through the camera's own Jacobian, after refitting the pose."""
+
+    def residuals(board: BoardPoints) -> Floats | None:
+        sighting = sighting_of(camera, board.lattice, board.uv)
+        pose, _ = estimate_pose(camera, sighting)
+        return pose_residuals(sighting, pose, camera.chart)[0].reshape(-1, 2)
+
+    return residuals
+
+
+def opencv_residuals(model: str, split: Split, corner_set: CornerSet) -> PoseResiduals | None:
+    """Residuals of OpenCV's ``model`` trained on ``split``; None where it cannot be fitted."""
+    boards = [BoardPoints(v.lattice(corner_set.board), v.uv) for v in split.train]
+    camera = fit_opencv(model, boards, corner_set.image_size)
+    return None if camera is None else camera.residuals

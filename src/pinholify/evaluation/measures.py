@@ -1,0 +1,148 @@
+"""The paper's measures: collinearity, reprojection, pinholeness. Pooling as the interface page fixes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Floats
+from pinholify.calibration.observation import ObservedBoard
+from pinholify.camera import VirtualCamera
+from pinholify.charts import Intrinsics
+from pinholify.geometry import Pose, apply_homography, line_distances
+
+LINES_EACH_WAY = 10
+INLIER = 2.5  # robust standard deviations
+
+
+def board_lines(lattice: Floats, points: Floats) -> list[Floats]:
+    """The rows and columns of a board that have at least three points, each (k, 2), in lattice order."""
+    lines = []
+    for along, across in ((0, 1), (1, 0)):
+        order = np.lexsort((lattice[:, along], lattice[:, across]))
+        breaks = np.flatnonzero(np.diff(lattice[order, across])) + 1
+        lines += [points[line] for line in np.split(order, breaks) if len(line) >= 3]
+    return lines
+
+
+def collinearity_errors(lattice: Floats, points: Floats) -> Floats:
+    """RMS distance of each row's and column's points to its line ÷ distance of its end points, unitless.
+
+    ``points`` (n, 2) in any plane, ``lattice`` (n, 2) their lattice places.
+    """
+    return np.array(
+        [
+            np.sqrt((line_distances(line) ** 2).mean()) / np.linalg.norm(line[-1] - line[0])
+            for line in board_lines(lattice, points)
+        ]
+    )
+
+
+def mean_spacing(lattice: Floats, points: Floats) -> float:
+    """Mean distance of horizontally and vertically adjacent points of one board, in units of ``points`` (n, 2)."""
+    place = {(int(x), int(y)): i for i, (x, y) in enumerate(lattice)}
+    pairs = [
+        (i, place[neighbour])
+        for (x, y), i in place.items()
+        for neighbour in ((x + 1, y), (x, y + 1))
+        if neighbour in place
+    ]
+    first, second = np.array(pairs).T
+    return float(np.linalg.norm(points[first] - points[second], axis=1).mean())
+
+
+def plane_reprojection_percent(observed: ObservedBoard, pose: Pose, intrinsics: Intrinsics) -> float:
+    """RE of one board: RMS distance in the virtual plane between its points and its lattice projected by ``pose``,
+
+    ÷ the mean spacing of its points, in %.
+    """
+    board = observed.board
+    error = intrinsics.project(pose.apply(board.lattice)) - board.xy
+    return 100.0 * rms(error) / mean_spacing(board.lattice, board.xy)
+
+
+def rms(errors: Floats) -> float:
+    """Root mean square length of ``errors`` (n, 2)."""
+    return float(np.sqrt((errors**2).sum(axis=1).mean())) if len(errors) else float("nan")
+
+
+def root_mean_square(values: Iterable[float]) -> float:
+    """Root mean square of numbers; nan for none."""
+    array = np.array(list(values))
+    return float(np.sqrt((array**2).mean())) if len(array) else float("nan")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PinholeLines:
+    """100 pixels' lines of sight, each fitted to its points on all board planes.
+
+    ``points`` (n,) lists of (k, 3), ``anchors`` and ``directions`` (n, 3), ``distances`` (n,) of the lines from the
+    origin ÷ f. Frame and unit: the camera's, squares.
+    """
+
+    points: tuple[Floats, ...]
+    anchors: Floats
+    directions: Floats
+    distances: Floats
+
+
+def pinhole_lines(camera: VirtualCamera, boards: Sequence[ObservedBoard]) -> PinholeLines | None:
+    """Lines of 10 × 10 pixels through their points on every board's plane (paper, section 3); None below three boards.
+
+    A pixel's point on board k is its virtual point through H_k⁻¹ and the closed-form pose.
+    """
+    if len(boards) < 3:
+        return None
+    pixels = pixel_grid(camera)
+    virtual = camera.virtual_points(pixels)
+    on_boards = np.stack(
+        [o.closed_form.apply(apply_homography(np.linalg.inv(o.board.homography), virtual)) for o in boards], axis=1
+    )
+    rays = camera.to_rays(pixels).directions
+    points, lines = [], []
+    for seen, ray in zip(on_boards, rays, strict=True):
+        ahead = seen[(seen @ ray > 0) & np.isfinite(seen).all(axis=1)]
+        if len(ahead) >= 3:
+            points.append(ahead)
+            lines.append(_robust_line(ahead))
+    if not lines:
+        return None
+    anchors, directions = (np.array(part) for part in zip(*lines, strict=True))
+    distances = np.linalg.norm(np.cross(anchors, directions), axis=1) / camera.intrinsics.f
+    return PinholeLines(tuple(points), anchors, directions, distances)
+
+
+def pixel_grid(camera: VirtualCamera) -> Floats:
+    """About 10 × 10 pixels spread over the camera's domain, (n, 2)."""
+    low, high = camera.domain.hull.vertices.min(axis=0), camera.domain.hull.vertices.max(axis=0)
+    for lines in range(LINES_EACH_WAY, 3 * LINES_EACH_WAY):
+        share = (np.arange(lines) + 0.5) / lines
+        grid = low + (high - low) * np.stack(np.meshgrid(share, share), axis=-1).reshape(-1, 2)
+        grid = grid[camera.inside(grid)]
+        if len(grid) >= LINES_EACH_WAY**2:
+            break
+    return grid[np.linspace(0, len(grid) - 1, min(len(grid), LINES_EACH_WAY**2)).round().astype(int)]
+
+
+def _robust_line(points: Floats) -> tuple[Floats, Floats]:
+    """Anchor and direction of a line through ``points`` (k, 3): least median over pairs, then least squares.
+
+    Distances count relative to the depth, since a far plane is hit less exactly.
+    """
+    depth = np.linalg.norm(points, axis=1)
+    first, second = np.triu_indices(len(points), 1)
+    chosen = np.linspace(0, len(first) - 1, min(len(first), 60)).round().astype(int)
+    best, best_median = np.ones(len(points), dtype=bool), np.inf
+    for i, j in zip(first[chosen], second[chosen], strict=True):
+        length = np.linalg.norm(points[j] - points[i])
+        if length < 1e-9:
+            continue
+        distance = np.linalg.norm(np.cross(points - points[i], (points[j] - points[i]) / length), axis=1) / depth
+        median = float(np.median(distance))
+        if median < best_median:
+            best, best_median = distance <= max(INLIER * 1.4826 * median, 1e-12), median
+    kept = points[best]
+    anchor = kept.mean(axis=0)
+    return anchor, np.linalg.svd(kept - anchor, full_matrices=False)[2][0]

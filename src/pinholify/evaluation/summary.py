@@ -1,0 +1,200 @@
+"""One evaluation of a camera on a set of corners: everything a person or a script wants to know of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.calibration.observation import MappedBoard, ObservedBoard, observe
+from pinholify.calibration.result import Calibration
+from pinholify.corners import Corners, CornerSet
+from pinholify.errors import PinholifyError
+from pinholify.evaluation.baseline import MODELS, BoardPoints, fit_opencv
+from pinholify.evaluation.heldout import (
+    Split,
+    alternating_split,
+    camera_residuals,
+    folds,
+    heldout_rms,
+    opencv_residuals,
+)
+from pinholify.evaluation.measures import (
+    PinholeLines,
+    collinearity_errors,
+    mean_spacing,
+    pinhole_lines,
+    plane_reprojection_percent,
+    rms,
+    root_mean_square,
+)
+
+FOLDS = 5
+
+Recalibrate = Callable[[CornerSet, str], Calibration]
+"""Calibrate a set of corners again with the named reference, in the way the camera was."""
+
+
+@dataclass(frozen=True, slots=True)
+class BoardScore:
+    """One image: its board's corners, how many count, and its errors where the board counts."""
+
+    file: str
+    used: bool
+    reason: str
+    corners: int
+    inside: int
+    ce: float | None = None
+    re_percent: float | None = None
+    re_refined_percent: float | None = None
+    misfit_px: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Pooled:
+    """CE (mean over lines), RE closed-form and refined in % and the refined residual in px, over counted boards."""
+
+    ce: float
+    re_percent: float
+    re_refined_percent: float
+    re_px: float
+
+
+@dataclass(frozen=True, slots=True)
+class OpenCVScore:
+    """One of OpenCV's models on the same corners; None where it could not be fitted or located."""
+
+    insample_px: float | None
+    re_percent: float | None
+    heldout_px: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """All measures of a calibration on a set of corners.
+
+    ``pooled`` counts all boards, ``pooled_without_reference`` leaves out the reference, which the map was fitted to.
+    ``heldout_px`` trains anew on half the boards; ``kfold_px`` on all but a fifth, where asked for.
+    """
+
+    calibration: Calibration
+    boards: tuple[BoardScore, ...]
+    observed: dict[str, ObservedBoard]
+    pooled: Pooled
+    pooled_without_reference: Pooled
+    pinholeness: float | None
+    lines: PinholeLines | None
+    heldout_px: float | None
+    heldout_reason: str
+    kfold_px: float | None
+    opencv: dict[str, OpenCVScore]
+
+
+def evaluate(
+    calibration: Calibration,
+    corner_set: CornerSet,
+    *,
+    recalibrate: Recalibrate | None = None,
+    compare_opencv: bool = True,
+    kfold: bool = False,
+) -> Evaluation:
+    """Score ``calibration`` on ``corner_set``; held-out errors need ``recalibrate``."""
+    mapped, observed = observe(calibration.camera, corner_set)
+    lines = pinhole_lines(calibration.camera, list(observed.values()))
+    views = [v for v in corner_set.views if v.name in observed]
+    split = alternating_split(corner_set, views)
+    heldout, reason = _heldout(recalibrate, corner_set, [split]) if recalibrate else (None, "not asked for")
+    kfold_px = _heldout(recalibrate, corner_set, folds(corner_set, views, FOLDS))[0] if recalibrate and kfold else None
+    opencv = _opencv(corner_set, mapped, split) if compare_opencv else {}
+    others = {name: o for name, o in observed.items() if name != calibration.reference}
+    return Evaluation(
+        calibration,
+        tuple(_board_score(board, observed.get(board.name), calibration) for board in mapped),
+        observed,
+        _pooled(observed, calibration),
+        _pooled(others, calibration),
+        None if lines is None else float(lines.distances.mean()),
+        lines,
+        heldout,
+        reason,
+        kfold_px,
+        opencv,
+    )
+
+
+def _board_score(board: MappedBoard, observed: ObservedBoard | None, calibration: Calibration) -> BoardScore:
+    inside = int(board.inside.sum())
+    if observed is None:
+        return BoardScore(board.name, False, board.reason, board.corners, inside)
+    intrinsics = calibration.camera.intrinsics
+    return BoardScore(
+        board.name,
+        True,
+        "",
+        board.corners,
+        inside,
+        float(collinearity_errors(board.lattice, board.xy).mean()),
+        plane_reprojection_percent(observed, observed.closed_form, intrinsics),
+        plane_reprojection_percent(observed, observed.refined, intrinsics),
+        board.misfit_px,
+    )
+
+
+def _pooled(observed: dict[str, ObservedBoard], calibration: Calibration) -> Pooled:
+    boards, intrinsics = list(observed.values()), calibration.camera.intrinsics
+    lines = [collinearity_errors(o.board.lattice, o.board.xy) for o in boards]
+    residuals = [
+        (o.board.whitening @ (intrinsics.project(o.refined.apply(o.board.lattice)) - o.board.xy)[:, :, None])[:, :, 0]
+        for o in boards
+    ]
+    return Pooled(
+        float(np.concatenate(lines).mean()) if lines else float("nan"),
+        root_mean_square(plane_reprojection_percent(o, o.closed_form, intrinsics) for o in boards),
+        root_mean_square(plane_reprojection_percent(o, o.refined, intrinsics) for o in boards),
+        rms(np.concatenate(residuals)) if residuals else float("nan"),
+    )
+
+
+def _heldout(
+    recalibrate: Recalibrate, corner_set: CornerSet, splits: Sequence[Split]
+) -> tuple[float | None, str]:
+    """Pooled held-out RMS over ``splits``, or None and why."""
+    squares, count = 0.0, 0
+    for split in splits:
+        if not split.test:
+            return None, "too few boards to hold some out"
+        try:
+            camera = recalibrate(corner_set.with_views(split.train), split.train[0].name).camera
+        except PinholifyError as error:
+            return None, f"half of the boards do not determine a camera: {error}"
+        value, points = heldout_rms(camera_residuals(camera), split.test), sum(len(b.uv) for b in split.test)
+        if value is None:
+            return None, "a held-out board could not be located"
+        squares, count = squares + value**2 * points, count + points
+    return float(np.sqrt(squares / count)), ""
+
+
+def _opencv(corner_set: CornerSet, mapped: Sequence[MappedBoard], split: Split) -> dict[str, OpenCVScore]:
+    boards = [BoardPoints(b.lattice, b.uv) for b in mapped if b.used]
+    return {model: _opencv_score(model, boards, corner_set, split) for model in MODELS}
+
+
+def _opencv_score(model: str, boards: list[BoardPoints], corner_set: CornerSet, split: Split) -> OpenCVScore:
+    camera = fit_opencv(model, boards, corner_set.image_size) if boards else None
+    insample = percent = None
+    if camera is not None:
+        each = [camera.residuals(b) for b in boards]
+        if all(r is not None for r in each):
+            residuals = [r for r in each if r is not None]
+            insample = rms(np.concatenate(residuals))
+            percent = root_mean_square(
+                100.0 * rms(r) / mean_spacing(b.lattice, b.uv) for r, b in zip(residuals, boards, strict=True)
+            )
+    trained = opencv_residuals(model, split, corner_set) if split.test else None
+    return OpenCVScore(insample, percent, heldout_rms(trained, split.test) if trained else None)
+
+
+def views_used(evaluation: Evaluation, corner_set: CornerSet) -> list[Corners]:
+    """The views whose boards count."""
+    return [v for v in corner_set.views if v.name in evaluation.observed]

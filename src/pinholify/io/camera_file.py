@@ -1,0 +1,203 @@
+"""The camera file: an ``.npz`` archive with a JSON header and plain arrays, written and read without pickle.
+
+``header`` holds the format version, provenance, and the calibration as nested objects in which every array is a
+reference to another entry of the archive. Only the types in ``TYPES`` are ever built from a file, so a file cannot run
+code. A new kernel, trend or map is one more line there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import zipfile
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from types import NoneType
+from typing import Any
+
+import numpy as np
+
+import pinholify
+from pinholify.board import Board, parse_board
+from pinholify.calibration.result import Calibration
+from pinholify.camera import Domain, VirtualCamera
+from pinholify.charts import AngleChart, Intrinsics, PlaneChart
+from pinholify.corners import Corners, CornerSet
+from pinholify.errors import CameraFileError, PinholifyError
+from pinholify.geometry import ConvexRegion
+from pinholify.gp.kernels import Matern32, Matern52, RationalQuadratic, SquaredExponential
+from pinholify.gp.maps import AdditiveMap, DisplacementMap, Scaling
+from pinholify.gp.regression import GaussianProcess
+from pinholify.gp.trends import Homography, Lens, Polynomial
+from pinholify.io.files import atomic_path
+
+FORMAT = "pinholify-camera"
+FORMAT_VERSION = 1
+MAX_BYTES = 1 << 30
+
+TYPES: dict[str, type[Any]] = {
+    cls.__name__: cls
+    for cls in (
+        AdditiveMap,
+        AngleChart,
+        Calibration,
+        ConvexRegion,
+        DisplacementMap,
+        Domain,
+        GaussianProcess,
+        Homography,
+        Intrinsics,
+        Lens,
+        Matern32,
+        Matern52,
+        PlaneChart,
+        Polynomial,
+        RationalQuadratic,
+        Scaling,
+        SquaredExponential,
+        VirtualCamera,
+    )
+}
+"""Every type a camera file may hold, by its name there."""
+
+
+def write_camera(path: str | os.PathLike[str], calibration: Calibration) -> None:
+    """Write ``calibration`` to ``path`` (``.npz``), atomically; raises OutputError where that fails."""
+    arrays: dict[str, Any] = {}
+    header = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "units": {"image": "px, integer = pixel centre", "virtual": "squares", "square_mm": calibration.square_mm},
+        "board": calibration.corner_set.board.spec,
+        "handedness": "mirrored" if calibration.camera.mirrored else "right-handed as seen in the image",
+        "provenance": {
+            "software": f"pinholify {pinholify.__version__}",
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "images": [view.name for view in calibration.corner_set.views],
+            "reference": calibration.reference,
+        },
+        "calibration": _encode(calibration, "calibration", arrays),
+    }
+    text = np.frombuffer(json.dumps(header, allow_nan=True).encode(), dtype=np.uint8)
+    with atomic_path(path) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, header=text, **arrays)
+
+
+def read_camera(path: str | os.PathLike[str]) -> Calibration:
+    """The calibration in ``path``; raises CameraFileError on anything that is not a whole camera file of ours."""
+    name = os.fspath(path)
+    header, arrays = _load(Path(path))
+    if header.get("format") != FORMAT:
+        raise CameraFileError(f"'{name}' is no pinholify camera; give a file that 'pinholify calibrate' wrote")
+    version = header.get("format_version")
+    if not isinstance(version, int) or version > FORMAT_VERSION:
+        raise CameraFileError(
+            f"'{name}' has camera format {version} and this pinholify reads up to {FORMAT_VERSION}: upgrade pinholify"
+        )
+    try:
+        calibration = _decode(header["calibration"], arrays)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, RecursionError, PinholifyError) as error:
+        raise CameraFileError(f"'{name}' is damaged ({error}); calibrate again or fetch the file again") from None
+    if not isinstance(calibration, Calibration):
+        raise CameraFileError(f"'{name}' holds no calibration; calibrate again or fetch the file again")
+    return calibration
+
+
+def is_camera_file(path: str | os.PathLike[str]) -> bool:
+    """Whether ``path`` is a camera file of ours, of whatever version."""
+    try:
+        return bool(_load(Path(path))[0].get("format") == FORMAT)
+    except CameraFileError:
+        return False
+
+
+def _load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    if path.is_dir():
+        raise CameraFileError(f"'{path}' is a folder where a camera file (.npz) is needed")
+    if not path.exists():
+        raise CameraFileError(f"there is no camera file '{path}'; check the path")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > MAX_BYTES:
+                raise CameraFileError(f"'{path}' would unpack to more than {MAX_BYTES >> 20} MiB; it is no camera of ours")
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {key: archive[key] for key in archive.files}
+        header = json.loads(arrays.pop("header").tobytes().decode())
+    except PinholifyError:
+        raise
+    except OSError as error:
+        raise CameraFileError(f"'{path}' cannot be read: {error.strerror or error}; check the file") from None
+    except Exception:  # a foreign or damaged archive fails in many ways, none of them the user's concern
+        raise CameraFileError(f"'{path}' is no pinholify camera, or is cut short; give a file that 'calibrate' wrote") from None
+    return (header if isinstance(header, dict) else {}), arrays
+
+
+# --- objects to JSON and back -----------------------------------------------------------------------------------
+
+
+def _encode(value: Any, path: str, arrays: dict[str, Any]) -> Any:
+    if isinstance(value, np.ndarray):
+        arrays[path] = value
+        return {"array": path}
+    if isinstance(value, CornerSet):
+        return _encode_corners(value, path, arrays)
+    if type(value).__name__ in TYPES:
+        fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+        return {"type": type(value).__name__, "fields": {k: _encode(v, f"{path}.{k}", arrays) for k, v in fields.items()}}
+    if isinstance(value, dict):
+        return {"dict": {k: _encode(v, f"{path}.{k}", arrays) for k, v in value.items()}}
+    if isinstance(value, (tuple, list)):
+        return {"list": [_encode(v, f"{path}.{i}", arrays) for i, v in enumerate(value)]}
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, (str, int, float, bool, NoneType)):
+        return value
+    raise TypeError(f"a {type(value).__name__} cannot be kept in a camera file; add it to TYPES")
+
+
+def _decode(value: Any, arrays: dict[str, Any]) -> Any:
+    if not isinstance(value, dict):
+        return value
+    if "array" in value:
+        return arrays[value["array"]]
+    if "corners" in value:
+        return _decode_corners(value["corners"], arrays)
+    if "type" in value:
+        return TYPES[value["type"]](**{k: _decode(v, arrays) for k, v in value["fields"].items()})
+    if "dict" in value:
+        return {k: _decode(v, arrays) for k, v in value["dict"].items()}
+    return tuple(_decode(v, arrays) for v in value["list"])
+
+
+VIEW_TEXTS = ("name", "reason", "orientation_assumed", "ambiguous_offset")
+
+
+def _encode_corners(corner_set: CornerSet, path: str, arrays: dict[str, Any]) -> dict[str, Any]:
+    views = corner_set.views
+    arrays[f"{path}.ids"] = np.concatenate([v.ids for v in views]) if views else np.empty(0, np.int64)
+    arrays[f"{path}.uv"] = np.concatenate([v.uv for v in views]) if views else np.empty((0, 2))
+    arrays[f"{path}.weights"] = np.concatenate([v.weights for v in views]) if views else np.empty(0)
+    return {
+        "corners": {
+            "path": path,
+            "board": corner_set.board.spec,
+            "image_size": list(corner_set.image_size),
+            "counts": [len(v) for v in views],
+            "views": [{key: getattr(v, key) for key in VIEW_TEXTS} for v in views],
+        }
+    }
+
+
+def _decode_corners(value: dict[str, Any], arrays: dict[str, Any]) -> CornerSet:
+    board: Board = parse_board(value["board"])
+    width, height = (int(n) for n in value["image_size"])
+    parts = zip(value["views"], _split(value, arrays), strict=True)
+    return CornerSet(board, (width, height), tuple(Corners(ids=i, uv=u, weights=w, **texts) for texts, (i, u, w) in parts))
+
+
+def _split(value: dict[str, Any], arrays: dict[str, Any]) -> Iterator[tuple[Any, Any, Any]]:
+    ends = np.cumsum(value["counts"])[:-1]
+    columns = (np.split(arrays[f"{value['path']}.{key}"], ends) for key in ("ids", "uv", "weights"))
+    return zip(*columns, strict=True)
