@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pinholify.simulation.lenses import (
@@ -81,6 +81,7 @@ def test_projection_is_smooth_in_the_point(lens: Lens) -> None:
     assert np.nanmax(shift) < 0.05
 
 
+@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_random_points_return_to_their_rays(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -169,11 +170,11 @@ def test_points_behind_a_flat_lens_have_no_pixel(lens: Lens) -> None:
 
 def test_a_bump_shifts_by_its_shift_along_its_slope() -> None:
     bump = Bump((100.0, 50.0), 20.0, 3.0)
-    shift, _ = bump.bend(np.array([[120.0, 50.0], [100.0, 50.0]]))
+    shift = bump.bend(np.array([[120.0, 50.0], [100.0, 50.0]]))
     assert np.allclose(shift, [[3.0, 0.0], [0.0, 0.0]])
-    (left, right), _ = bump.bend(np.array([[110.0 - 1e-5, 60.0], [110.0 + 1e-5, 60.0]]))
+    left, right = bump.bend(np.array([[110.0 - 1e-5, 60.0], [110.0 + 1e-5, 60.0]]))
     numeric = (right - left) / 2e-5
-    assert np.allclose(bump.bend(np.array([[110.0, 60.0]]))[1][0][:, 0], numeric, atol=1e-8)
+    assert np.allclose(bump.slope(np.array([[110.0, 60.0]]))[0][:, 0], numeric, atol=1e-8)
 
 
 def test_a_windscreen_before_a_lens_without_centre_has_none() -> None:

@@ -7,7 +7,7 @@ table was fixed before the first calibration was run on its images and is not ch
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pinholify.arrays import Floats
 from pinholify.board import Checkerboard
 from pinholify.geometry import Pose
-from pinholify.simulation.lenses import BrownConrady, Lens, Mirror, Pinhole, Unity
+from pinholify.simulation.lenses import BrownConrady, Lens, Mirror, Pinhole, Resized, Unity
 from pinholify.simulation.lenses.base import image_centre
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
@@ -94,6 +94,16 @@ class Dataset:
         )
 
 
+def reduced(dataset: Dataset, factor: float) -> Dataset:
+    """The same scenes in images ``factor`` times smaller, for a quick look; blur and noise stay."""
+
+    def smaller(lens: Lens) -> Lens:
+        width, height = (round(length / factor) for length in lens.size)
+        return Resized(lens, (width, height))
+
+    return replace(dataset, lens=smaller(dataset.lens), companions=tuple(map(smaller, dataset.companions)))
+
+
 def mirrored(lens: Lens) -> bool:
     """Whether ``lens`` shows the scene reversed, judged in the middle of its image."""
     middle = image_centre(lens.size) + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -107,8 +117,8 @@ _4K = (3840, 2160)
 _UNITY = (Pinhole(_4K, 2000.0), Unity(_4K, 2000.0, 55.0), Unity(_4K, 2000.0, -40.0, (-0.15, 0.15)))
 _GAME_ENGINE = Sensor(blur=0.6)
 _UNITY_REASONS = {
-    "lens": "a field of 88 degrees; the paper gives no numbers: barrel +55 centred, pincushion -40 around a point "
-    "left and low, about as strong as its figures show",
+    "lens": "a field of 88 degrees; the paper gives no numbers: barrel +55 centred, pincushion -40 around a "
+    "point left and low, about as strong as its figures show",
     "poses": "the paper's three Unity sets share one scene, so the boards stand alike in all three",
     "blur": "0.6 px: multisampling and the bilinear lookup of the post-processing effect",
     "noise": "none beyond eight bits: a game engine counts no photons",
@@ -118,6 +128,7 @@ _UNITY_REASONS = {
 _WEBCAM = BrownConrady(
     (2560, 1440), (1700.0, 1702.0), (14.0, -9.0), radial=(-0.08, 0.03, 0.0), tangential=(4e-4, -3e-4)
 )
+_WEBCAM_SENSOR = Sensor(blur=1.1, vignetting=0.25, shot_noise=5.0, read_noise=3.0, jpeg_quality=80)
 _WEBCAM_REASONS = {
     "lens": "a field of 74 degrees, as usual for a webcam, and mild barrel distortion of a few per cent",
     "blur": "1.1 px: a plastic lens before small pixels, and demosaicing",
@@ -129,14 +140,16 @@ _WEBCAM_REASONS = {
 _TELELENS = BrownConrady(
     (2560, 1440), (3400.0, 3404.0), (38.0, -27.0), radial=(0.15, -0.1, 0.0), tangential=(1.5e-3, -1e-3)
 )
+_TELELENS_SENSOR = Sensor(blur=1.8, vignetting=0.45, shot_noise=5.0, read_noise=3.0, jpeg_quality=80)
 _TELELENS_REASONS = _WEBCAM_REASONS | {
-    "lens": "the webcam's focal length doubled by a clip-on lens: pincushion as telelenses have, and off centre "
-    "because it is clipped on by hand",
+    "lens": "the webcam's focal length doubled by a clip-on lens: pincushion as telelenses have, and off "
+    "centre because it is clipped on by hand",
     "blur": "1.8 px: the clip-on lens is softer than the webcam's own",
     "vignetting": "almost half: the two lenses' pupils do not match",
 }
 
 _MIRROR = Mirror(Pinhole((971, 871), 1380.0), distance=4.3, a=0.03, b=0.008, radius=4.0, tilt=25.0)
+_MIRROR_SENSOR = Sensor(blur=1.0, vignetting=0.15, shot_noise=4.0, read_noise=2.5)
 _MIRROR_REASONS = {
     "lens": "a D415's colour camera has 1380 px of focal length and hardly any distortion; 971x871 is a crop",
     "mirror": "squares of 6 cm: a mirror 26 cm before the camera, turned by 25 degrees so that the board can "
@@ -157,15 +170,10 @@ _PAPER = (
     _unity("unity-pinhole", "Unity pinhole", _UNITY[0]),
     _unity("unity-barrel", "Unity barrel", _UNITY[1]),
     _unity("unity-pincushion", "Unity pincushion", _UNITY[2]),
-    Dataset("webcam", "Webcam", _WEBCAM, _WIDE, 11, Sensor(1.1, 0.25, 5.0, 3.0, 80), 4, _WEBCAM_REASONS),
-    Dataset(
-        "webcam-telelens", "Webcam with telelens", _TELELENS, _TALL, 17, Sensor(1.8, 0.45, 5.0, 3.0, 80), 5,
-        _TELELENS_REASONS,
-    ),
-    Dataset(
-        "mirror", "RealSense with mirror", _MIRROR, _TALL, 26, Sensor(1.0, 0.15, 4.0, 2.5, None), 6,
-        _MIRROR_REASONS,
-    ),
+    Dataset("webcam", "Webcam", _WEBCAM, _WIDE, 11, _WEBCAM_SENSOR, 4, _WEBCAM_REASONS),
+    Dataset("webcam-telelens", "Webcam with telelens", _TELELENS, _TALL, 17, _TELELENS_SENSOR, 5,
+            _TELELENS_REASONS),
+    Dataset("mirror", "RealSense with mirror", _MIRROR, _TALL, 26, _MIRROR_SENSOR, 6, _MIRROR_REASONS),
 )
 
 DATASETS: dict[str, Dataset] = {dataset.name: dataset for dataset in _PAPER}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.arrays import Bools, Floats
+from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import Checkerboard
 from pinholify.geometry import Pose
 from pinholify.simulation.lenses import Rays
@@ -31,13 +31,12 @@ class Plane:
 
     def intersect(self, rays: Rays) -> tuple[Floats, Floats]:
         """Distances (N,) along ``rays`` to the plane and the points (N, 2) there; inf where it is not met."""
-        origins = (rays.origins - self.pose.translation) @ self.pose.rotation
-        directions = rays.directions @ self.pose.rotation
+        normal, axes = self.pose.rotation[:, 2], self.pose.rotation[:, :2]
+        start = rays.origins - self.pose.translation
         with np.errstate(divide="ignore", invalid="ignore"):
-            distance = -origins[:, 2] / directions[:, 2]
-        distance = np.where(distance > 0, distance, np.inf)
-        with np.errstate(invalid="ignore"):
-            return distance, origins[:, :2] + distance[:, None] * directions[:, :2]
+            distance = -(start @ normal) / (rays.directions @ normal)
+            distance = np.where(distance > 0, distance, np.inf)
+            return distance, start @ axes + distance[:, None] * (rays.directions @ axes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,16 +48,21 @@ class Scene:
 
     def trace(self, rays: Rays) -> Floats:
         """The colours (N, channels) that ``rays`` see; black for a ray of NaN."""
-        colours = self.background(rays.directions)
-        nearest = np.full(len(colours), np.inf)
+        nearest = np.full(len(rays.directions), np.inf)
+        hits: list[tuple[Ints, Floats]] = []
         for plane in self.planes:
             distance, xy = plane.intersect(rays)
             rows = np.flatnonzero(distance < nearest)
             colour = plane.texture(xy[rows])
             seen = np.isfinite(colour[:, 0])
-            rows = rows[seen]
-            colours[rows], nearest[rows] = colour[seen], distance[rows]
-        return np.nan_to_num(colours, copy=False, nan=0.0)
+            hits.append((rows[seen], colour[seen]))
+            nearest[rows[seen]] = distance[rows[seen]]
+        rows = np.flatnonzero(nearest == np.inf)
+        beyond = self.background(rays.directions[rows])
+        colours = np.empty((len(nearest), beyond.shape[1]))
+        for where, colour in [*hits, (rows, np.nan_to_num(beyond, nan=0.0))]:
+            colours[where] = colour
+        return colours
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +79,15 @@ class CheckerboardTexture:
 
     def __call__(self, xy: Floats) -> Floats:
         """Colours (N, 1) of ``xy`` (N, 2)."""
-        extent = (self.board.columns, self.board.rows)
-        squares = ((xy > -1) & (xy < extent)).all(axis=1)
-        sheet = ((xy > -1 - self.margin) & (xy < np.add(extent, self.margin))).all(axis=1)
-        parity = np.floor(xy).sum(axis=1) % 2
-        colour = np.where(squares & (parity == 0), self.dark, np.where(sheet, self.light, np.nan))
-        return np.asarray(colour[:, None])
+        x, y = xy.T
+        even = (np.floor(x) + np.floor(y)).astype(np.int64) & 1 == 0
+        colour = np.where(even & self._within(xy, 0), self.dark, self.light)
+        return np.asarray(np.where(self._within(xy, self.margin), colour, np.nan)[:, None])
+
+    def _within(self, xy: Floats, margin: float) -> Bools:
+        """Whether ``xy`` (N, 2) lies on the squares or at most ``margin`` beyond them."""
+        around = 1 + 2 * margin
+        return _inside(xy + (1 + margin), self.board.columns + around, self.board.rows + around)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +106,7 @@ class Picture:
         """Colours (N, channels) of ``xy`` (N, 2); NaN outside the picture."""
         height, width = self.pixels.shape[:2]
         at = (xy - self.origin) * self.per_unit
-        inside: Bools = np.all((at >= 0) & (at <= (width - 1, height - 1)), axis=1)
+        inside = _inside(at, width - 1, height - 1)
         at = np.where(inside[:, None], at, 0.0)
         column, row = np.minimum(at.astype(np.intp), (width - 2, height - 2)).T
         fx, fy = (at - np.stack([column, row], axis=1)).T[:, :, None]
@@ -107,6 +114,12 @@ class Picture:
         upper = p[row, column] * (1 - fx) + p[row, column + 1] * fx
         lower = p[row + 1, column] * (1 - fx) + p[row + 1, column + 1] * fx
         return np.where(inside[:, None], upper * (1 - fy) + lower * fy, np.nan)
+
+
+def _inside(xy: Floats, width: float, height: float) -> Bools:
+    """Whether ``xy`` (N, 2) lies in the rectangle from the origin: by columns, as rows of two are slow."""
+    x, y = xy.T
+    return np.asarray((x >= 0) & (x <= width) & (y >= 0) & (y <= height))
 
 
 def plain(*colour: float) -> Background:
@@ -120,7 +133,7 @@ def cloudy(*colour: float, contrast: float = 0.2, seed: int = 0) -> Background:
     waves, phases = rng.normal(0, 3.0, (3, 8)), rng.uniform(0, 2 * np.pi, 8)
 
     def background(directions: Floats) -> Floats:
-        brightness = 1 + contrast * np.sin(directions @ waves + phases).mean(axis=1, keepdims=True)
+        brightness = 1 + contrast * np.sin(directions @ waves + phases) @ np.full((8, 1), 1 / 8)
         return np.asarray(brightness * np.array(colour))
 
     return background

@@ -16,6 +16,9 @@ from pinholify.simulation.lenses.base import image_centre, unit
 TRIES = 200_000
 """Random poses tried before a lens is said to have no room for its boards."""
 
+AIMS = 0.03 * np.array([[u, v] for u in (0, -1, 1) for v in (0, -1, 1)])
+"""Where the first board may be aimed, from the middle in widths and heights: straight on if possible."""
+
 
 def true_corners(lens: Lens, board: Checkerboard, pose: Pose) -> Floats:
     """Where ``lens`` images the corners of ``board`` in id order: (N, 2) px, NaN where it does not."""
@@ -33,7 +36,7 @@ def board_poses(
 ) -> tuple[Pose, ...]:
     """``count`` poses at which every lens of ``lenses`` sees the whole ``board`` from its front.
 
-    The first faces the middle of the first lens's image and comes as near as all lenses allow; the others
+    The first faces the camera near the middle of the image and comes as near as all lenses allow; the others
     stand at 1.1 to 2.6 times its distance, turned by up to ``tilt`` degrees about both axes of the board and
     a little in its plane. Every corner keeps ``margin`` times the image's width from the border and from its
     neighbours. Raises ValueError where there is no room.
@@ -62,10 +65,12 @@ def _reference(
     lenses: Sequence[Lens], board: Checkerboard, rng: np.random.Generator, margin: float
 ) -> tuple[Pose, float]:
     angles = rng.normal(0, 1.5, 3)
-    for distance in 0.1 * max(board.columns, board.rows) * 1.02 ** np.arange(400):
-        pose = _facing(lenses[0], board, image_centre(lenses[0].size), distance, angles)
-        if _sees_board(lenses, board, pose, margin):
-            return pose, float(distance)
+    aims = image_centre(lenses[0].size) + AIMS * lenses[0].size
+    for distance in 0.2 * max(board.columns, board.rows) * 1.025 ** np.arange(300):
+        for uv in aims:
+            pose = _facing(lenses[0], board, uv, distance, angles)
+            if _sees_board(lenses, board, pose, margin):
+                return pose, float(distance)
     raise ValueError("no distance was found at which all lenses see the whole board")
 
 

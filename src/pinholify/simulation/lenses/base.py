@@ -46,7 +46,8 @@ class Lens(Protocol):
 
 def unit(vectors: Floats) -> Floats:
     """``vectors`` (N, 3) scaled to length one."""
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+    x, y, z = vectors.T
+    return np.asarray(vectors / np.sqrt(x**2 + y**2 + z**2)[:, None])
 
 
 def central_rays(directions: Floats) -> Rays:

@@ -23,13 +23,20 @@ class Bump:
     width: float
     shift: float
 
-    def bend(self, uv: Floats) -> tuple[Floats, Floats]:
-        """The image shift (N, 2) at ``uv`` (N, 2) and its derivative (N, 2, 2)."""
+    def bend(self, uv: Floats) -> Floats:
+        """The image shift (N, 2) at ``uv`` (N, 2)."""
+        d, height = self._height(uv)
+        return d * height[:, None]
+
+    def slope(self, uv: Floats) -> Floats:
+        """The derivative (N, 2, 2) of the shift at ``uv`` (N, 2)."""
+        d, height = self._height(uv)
+        return (np.eye(2) - d[:, :, None] * d[:, None, :]) * (height / self.width)[:, None, None]
+
+    def _height(self, uv: Floats) -> tuple[Floats, Floats]:
         d = (uv - self.uv) / self.width
         # exp(½ - ½d²)·d is largest at d = 1, where it is 1.
-        h = self.shift * np.exp(0.5 - 0.5 * (d**2).sum(axis=1))
-        hessian = (np.eye(2) - d[:, :, None] * d[:, None, :]) * (h / self.width)[:, None, None]
-        return d * h[:, None], hessian
+        return d, np.asarray(self.shift * np.exp(0.5 - 0.5 * (d[:, 0] ** 2 + d[:, 1] ** 2)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,25 +56,21 @@ class Windscreen:
         """Whether the lens behind the pane is."""
         return self.lens.central
 
-    def _bend(self, uv: Floats, _: Ints) -> tuple[Floats, Floats]:
-        shifted, jacobian = uv.copy(), np.tile(np.eye(2), (len(uv), 1, 1))
-        for bump in self.bumps:
-            shift, slope = bump.bend(uv)
-            shifted += shift
-            jacobian += slope
-        return shifted, jacobian
+    def _bend(self, uv: Floats) -> Floats:
+        return uv + sum((bump.bend(uv) for bump in self.bumps), np.zeros_like(uv))
 
     def unproject(self, uv: Floats) -> Rays:
         """The rays that the pixels ``uv`` (N, 2) see."""
-        shifted = uv.copy()
-        for bump in self.bumps:
-            shifted += bump.bend(uv)[0]
-        return self.lens.unproject(shifted)
+        return self.lens.unproject(self._bend(uv))
 
     def project(self, points: Floats) -> Floats:
         """Pixels (N, 2) of ``points`` (N, 3); NaN where the lens has none."""
+
+        def bend_and_slope(uv: Floats, _: Ints) -> tuple[Floats, Floats]:
+            return self._bend(uv), np.eye(2) + sum(bump.slope(uv) for bump in self.bumps)
+
         through_lens = self.lens.project(points)
-        return solve(self._bend, through_lens, through_lens)
+        return solve(bend_and_slope, through_lens, through_lens)
 
 
 def bumpy(lens: Lens, *, count: int, width: float, shift: float, seed: int) -> Windscreen:
