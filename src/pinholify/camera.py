@@ -12,9 +12,6 @@ from pinholify.charts import Chart, Intrinsics
 from pinholify.geometry import ConvexRegion
 from pinholify.gp.maps import PlaneMap
 
-INVERSE_STEPS = 60
-INVERSE_TOLERANCE = 1e-7  # px
-ROUNDING = 1e-2  # px
 START_GRID = 48
 
 
@@ -133,29 +130,15 @@ class VirtualCamera:
 
 
 def invert(plane_map: PlaneMap, q: Floats, image_size: tuple[int, int], hull: ConvexRegion) -> Floats:
-    """Pixels (n, 2) that ``plane_map`` takes to ``q`` (n, 2), by Newton's method; nan where it does not converge.
+    """Pixels (n, 2) that ``plane_map`` takes to ``q`` (n, 2); nan where the inverse does not converge.
 
     Starts from the nearest of a grid of pixels where the map keeps the handedness it has inside ``hull``. A pixel
     farther outside the image than the image is large counts as not converged.
     """
     grid, at_grid, reach = _start_grid(plane_map, image_size, hull)
-    uv = grid[cKDTree(at_grid).query(q)[1]]
-    active = np.arange(len(q))
-    done = np.zeros(len(q), dtype=bool)
-    before = np.full(len(q), np.inf)
-    for _ in range(INVERSE_STEPS):
-        step = _newton_step(plane_map, uv[active], q[active], reach)
-        uv[active] += step
-        length = np.linalg.norm(step, axis=1)
-        # Short steps that no longer shrink are the rounding error of the kernel sum, which no step undoes.
-        arrived = (length < INVERSE_TOLERANCE) | ((length < ROUNDING) & (length > before[active] / 2.0))
-        done[active[arrived]] = True
-        before[active] = length
-        active = active[~arrived & np.isfinite(length)]
-        if not len(active):
-            break
-    far = (np.abs(uv / image_size - 0.5) > 1.5).any(axis=1)
-    return np.where((done & ~far)[:, None], uv, np.nan)
+    uv = plane_map.inverse(q, grid[cKDTree(at_grid).query(q)[1]], reach)
+    near = (np.abs(uv / image_size - 0.5) < 1.5).all(axis=1)
+    return np.where(near[:, None], uv, np.nan)
 
 
 def _start_grid(
@@ -170,19 +153,3 @@ def _start_grid(
     grid = grid[keep]
     return grid, plane_map.value(grid), 2.0 * max(u[1], v[1])
 
-
-def _newton_step(plane_map: PlaneMap, uv: Floats, q: Floats, reach: float) -> Floats:
-    """One step (n, 2) px, no longer than ``reach``; nan where the map is singular."""
-    jacobian = plane_map.jacobian(uv)
-    error = q - plane_map.value(uv)
-    determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        step = np.stack(
-            [
-                (jacobian[:, 1, 1] * error[:, 0] - jacobian[:, 0, 1] * error[:, 1]) / determinant,
-                (jacobian[:, 0, 0] * error[:, 1] - jacobian[:, 1, 0] * error[:, 0]) / determinant,
-            ],
-            axis=1,
-        )
-        length = np.linalg.norm(step, axis=1, keepdims=True)
-        return np.asarray(step * np.minimum(1.0, reach / np.maximum(length, 1e-300)))

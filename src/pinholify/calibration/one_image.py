@@ -81,7 +81,7 @@ def reference_view(corner_set: CornerSet, name: str | None) -> Corners:
             f"no {corner_set.board.spec} board was found in any of the {len(corner_set.views)} images: "
             "check the board's size (inner corners, columns x rows) and that it is sharp and wholly visible"
         )
-    view = max(corner_set.found, key=_coverage) if name is None else _named(corner_set, name)
+    view = max(corner_set.found, key=coverage) if name is None else _named(corner_set, name)
     if len(view) < MINIMUM_REFERENCE_CORNERS:
         raise CalibrationError(
             f"the reference '{view.name}' shows {len(view)} corners of the board and at least "
@@ -90,8 +90,9 @@ def reference_view(corner_set: CornerSet, name: str | None) -> Corners:
     return view
 
 
-def _coverage(view: Corners) -> float:
-    return convex_hull(view.uv).area
+def coverage(view: Corners) -> float:
+    """How much of the frame a board covers, in px²; a board seen in part counts only as much as is seen of it."""
+    return convex_hull(view.uv).area * len(view)
 
 
 def _named(corner_set: CornerSet, name: str) -> Corners:

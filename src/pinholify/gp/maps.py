@@ -18,8 +18,12 @@ import numpy as np
 from pinholify.arrays import Floats
 from pinholify.gp.regression import GaussianProcess
 from pinholify.gp.trends import Trend
+from pinholify.gp.trends.base import inverse, solve_2x2
 
 
+INVERSE_STEPS = 30
+INVERSE_TOLERANCE = 1e-7  # px
+INVERSE_ROUNDING = 1e-2  # px
 NEWTON_STEPS = 20
 NEWTON_TOLERANCE = 1e-13  # of the inputs' extent
 NEWTON_ROUNDING = 1e-7  # an error below this that no longer shrinks is the rounding error of the kernel sum
@@ -40,9 +44,42 @@ class PlaneMap(Protocol):
         """Posterior covariance of q at ``uv`` (n, 2): (n, 2, 2)."""
         ...
 
+    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
+        """The uv (n, 2) that are mapped to ``q`` (n, 2), near ``start`` (n, 2) px; nan where none is found.
+
+        ``reach`` is the longest step in px that still helps.
+        """
+        ...
+
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """How q at ``uv`` (n, 2) would move had the data been drawn anew with other noise: (draws, n, 2)."""
         ...
+
+
+def newton_inverse(plane_map: PlaneMap, q: Floats, start: Floats, reach: float) -> Floats:
+    """uv (n, 2) that ``plane_map`` takes to ``q`` (n, 2), by Newton's method from ``start``; nan without convergence.
+
+    Steps are no longer than ``reach`` px, and a point that has gone 20 of them away is given up.
+    """
+    uv = np.array(start)
+    active = np.arange(len(q))
+    done = np.zeros(len(q), dtype=bool)
+    before = np.full(len(q), np.inf)
+    for _ in range(INVERSE_STEPS):
+        error = q[active] - plane_map.value(uv[active])
+        step = solve_2x2(plane_map.jacobian(uv[active]), error)
+        length = np.linalg.norm(step, axis=1)
+        step *= np.minimum(1.0, reach / np.maximum(length, 1e-300))[:, None]
+        uv[active] += step
+        # Short steps that no longer shrink are the rounding error of the kernel sum, which no step undoes.
+        arrived = (length < INVERSE_TOLERANCE) | ((length < INVERSE_ROUNDING) & (length > before[active] / 2.0))
+        done[active[arrived]] = True
+        before[active] = length
+        near = np.linalg.norm(uv[active] - start[active], axis=1) < 20.0 * reach
+        active = active[~arrived & near]
+        if not len(active):
+            break
+    return np.where(done[:, None], uv, np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +130,10 @@ class AdditiveMap:
         variances = np.stack([gp.variance(x) for gp in self.processes], axis=1)
         return variances[:, :, None] * np.eye(2) * self.outputs.scale**2
 
+    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
+        """uv (n, 2) of ``q``, by Newton's method."""
+        return newton_inverse(self, q, start, reach)
+
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """Shifts of q (draws, n, 2), to first order."""
         x = self.inputs.normalise(uv)
@@ -126,6 +167,12 @@ class DisplacementMap:
         covariance = self.process.covariance(w, trend_features(self.trend, self.beta, w)) * self.inputs.scale**2
         return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
 
+    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
+        """uv (n, 2) of ``q``: only the trend needs inverting."""
+        w, reached = inverse(self.trend, self.beta, self.outputs.normalise(q), self.inputs.normalise(start))
+        uv = self.inputs.restore(self._displaced(w))
+        return np.where(reached[:, None], uv, np.nan)
+
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """Shifts of q (draws, n, 2), to first order; a point seen farther right is mapped farther left."""
         w = self._undisplaced(self.inputs.normalise(uv))
@@ -138,16 +185,19 @@ class DisplacementMap:
         outer = self.trend.input_jacobian(self.beta, w)
         return np.asarray(outer @ inner) * (self.outputs.scale / self.inputs.scale)
 
+    def _displaced(self, w: Floats) -> Floats:
+        return np.asarray(w + self.process.mean(w))
+
     def _undisplaced(self, x: Floats) -> Floats:
         """The w with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
         w = x - self.process.mean(x)
         largest = np.inf
         for _ in range(NEWTON_STEPS):
-            error = w + self.process.mean(w) - x
+            error = self._displaced(w) - x
             before, largest = largest, float(np.abs(error).max(initial=0.0))
             if largest < NEWTON_TOLERANCE or before / 2.0 < largest < NEWTON_ROUNDING:
                 break
-            w = w - np.linalg.solve(np.eye(2) + self.process.jacobian(w), error[:, :, None])[:, :, 0]
+            w = w - solve_2x2(np.eye(2) + self.process.jacobian(w), error)
         return np.asarray(w)
 
 

@@ -71,6 +71,16 @@ def _writable(path: Path) -> Path:
     return final
 
 
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Raise OutputError where :func:`atomic_path` would, before the work whose result is to be written; leaves no trace."""
+    with suppress(_Unused), atomic_path(path):
+        raise _Unused
+
+
+class _Unused(Exception):
+    """Ends a trial of :func:`atomic_path`."""
+
+
 @contextmanager
 def writing_text(target: TextFile) -> Iterator[TextIO]:
     """A UTF-8 stream onto ``target``: the stream itself, or a file that appears when the block ends well.

@@ -12,6 +12,10 @@ import numpy as np
 from pinholify.arrays import Bools, Floats
 
 
+LONGEST_STEP = 0.3
+FARTHEST = 10.0
+
+
 class Trend(Protocol):
     """A family h(x; β) of maps of the plane; β (p,)."""
 
@@ -50,19 +54,26 @@ class Trend(Protocol):
 def inverse(trend: Trend, beta: Floats, y: Floats, start: Floats, iterations: int = 50) -> tuple[Floats, Bools]:
     """The x with h(x; β) = ``y`` (n, 2) near ``start`` (n, 2), by Newton's method, and whether each was reached."""
     x = np.array(start)
-    scale = max(float(np.abs(y).max(initial=0.0)), 1.0)
+    tolerance = 1e-12 * max(float(np.abs(y).max(initial=0.0)), 1.0)
     reached = np.zeros(len(x), dtype=bool)
+    active = np.arange(len(x))
     for _ in range(iterations):
         with np.errstate(all="ignore"):
-            error = y - trend.value(beta, x)
-            reached = np.abs(error).max(axis=1) < 1e-12 * scale
-            if reached.all():
+            error = y[active] - trend.value(beta, x[active])
+            reached[active] = np.abs(error).max(axis=1) < tolerance
+            going = ~reached[active] & (np.abs(x[active]).max(axis=1) < FARTHEST)
+            active, error = active[going], error[going]
+            if not len(active):
                 break
-            jacobian = trend.input_jacobian(beta, x)
-            determinant = np.linalg.det(jacobian)
-            regular = np.isfinite(determinant) & (np.abs(determinant) > 1e-12)
-            step = np.zeros_like(x)
-            step[regular] = np.linalg.solve(jacobian[regular], error[regular, :, None])[..., 0]
+            step = solve_2x2(trend.input_jacobian(beta, x[active]), error)
             length = np.linalg.norm(step, axis=1, keepdims=True)
-            x = x + step * np.minimum(1.0, 0.3 / np.maximum(length, 1e-300))
+            x[active] += np.nan_to_num(step * np.minimum(1.0, LONGEST_STEP / length))
     return x, reached
+
+
+def solve_2x2(matrix: Floats, right: Floats) -> Floats:
+    """Solutions (n, 2) of ``matrix`` (n, 2, 2) s = ``right`` (n, 2); not finite where the matrix is singular."""
+    (a, b), (c, d) = matrix.transpose(1, 2, 0)
+    p, q = right.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.stack([d * p - b * q, a * q - c * p], axis=1) / (a * d - b * c)[:, None]

@@ -1,0 +1,60 @@
+"""``pinholify evaluate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pinholify.cli.options import json_option, print_json
+from pinholify.cli.sources import gather_corners, report_missing
+
+
+@click.command("evaluate", epilog="Example: pinholify evaluate camera.npz photos/ --json")
+@click.argument("camera", type=click.Path(path_type=Path))
+@click.argument("images", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--corners", "table", metavar="FILE", help="Take corners from a table (.vnl) instead of photographs.")
+@click.option("--folds", is_flag=True, help="Also the held-out error of five folds over boards.")
+@click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
+@json_option
+def command(
+    camera: Path, images: tuple[Path, ...], table: str | None, folds: bool, opencv: bool, as_json: bool
+) -> None:
+    """Score CAMERA on photographs of its board (IMAGES: files or folders) or on a corner table.
+
+    The board, its handedness and the size of the images are the camera's.
+    """
+    from pinholify.cli.report import print_evaluation, to_json
+    from pinholify.errors import ImageError
+    from pinholify.evaluation.summary import evaluate
+    from pinholify.io.camera_file import read_camera
+    from pinholify.pipeline import calibrate
+
+    calibration = read_camera(camera)
+    size, mirrored = calibration.camera.image_size, calibration.camera.mirrored
+    board = calibration.corner_set.board
+    corners = gather_corners(images, table, board, size if table is not None else None, mirrored)
+    if corners.image_size != size:
+        raise ImageError(
+            f"the images are {corners.image_size[0]}x{corners.image_size[1]} and '{camera}' was calibrated at "
+            f"{size[0]}x{size[1]}: give images of that size, or calibrate at this one"
+        )
+    report_missing(corners)
+    evaluation = evaluate(
+        calibration,
+        corners,
+        recalibrate=lambda part, name: calibrate(
+            part,
+            reference=name,
+            method=calibration.method,
+            kernel=calibration.kernel,
+            trend=calibration.trend,
+            mirrored=mirrored,
+        ),
+        compare_opencv=opencv,
+        kfold=folds,
+    )
+    if as_json:
+        print_json(to_json(evaluation))
+    else:
+        print_evaluation(evaluation)

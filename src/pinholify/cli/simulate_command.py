@@ -1,0 +1,68 @@
+"""``pinholify simulate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pinholify.cli.options import force_option, progress
+from pinholify.errors import OutputError
+
+
+@click.command("simulate", epilog="Example: pinholify simulate unity-barrel -o barrel/")
+@click.argument("name")
+@click.option("-o", "folder", type=click.Path(path_type=Path), required=True, help="Folder to write into.")
+@click.option("--views", type=click.IntRange(1), help="Only the first so many photographs.")
+@force_option
+def command(name: str, folder: Path, views: int | None, force: bool) -> None:
+    """Render the data set NAME (or all) of the paper's six: photographs, true corners, true camera.
+
+    Writes NAME/*.png or .jpg, NAME/corners.vnl and NAME/truth.npz (rays of a grid of pixels, f, uc, vc).
+    """
+    from pinholify.simulation.datasets import DATASETS
+
+    if name != "all" and name not in DATASETS:
+        raise click.UsageError(f"'{name}' is no data set; there are: all, {', '.join(DATASETS)}")
+    chosen = list(DATASETS.values()) if name == "all" else [DATASETS[name]]
+    taken = [d.name for d in chosen if (folder / d.name).exists()]
+    if taken and not force:
+        raise OutputError(f"'{folder / taken[0]}' is already there; choose another folder, or say --force")
+    for dataset in chosen:
+        count = min(views or dataset.views, dataset.views)
+        with progress(dataset.title, count) as advance:
+            write_dataset(dataset, folder / dataset.name, count, advance)
+        click.echo(f"wrote {count} photographs of {dataset.title} into {folder / dataset.name}")
+
+
+def write_dataset(dataset, folder: Path, count: int, advance) -> None:  # type: ignore[no-untyped-def]
+    """One data set into its own folder."""
+    import numpy as np
+
+    from pinholify.cli.undistort_command import prepare_folder
+    from pinholify.corners import Corners, CornerSet
+    from pinholify.io.corner_tables import write_corner_table
+    from pinholify.io.files import atomic_path
+    from pinholify.io.images import write_image
+
+    prepare_folder(folder)
+    ending = "png" if dataset.sensor.jpeg_quality is None else "jpg"
+    views = []
+    for picture in dataset.photographs(count):
+        name = f"{picture.name}.{ending}"
+        write_image(folder / name, picture.image)
+        views.append(Corners(name, np.arange(len(picture.corners)), picture.corners))
+        advance()
+    write_corner_table(folder / "corners.vnl", CornerSet(dataset.board, dataset.lens.size, tuple(views)))
+    truth = dataset.truth()
+    with atomic_path(folder / "truth.npz") as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(
+            file,
+            size=truth.size,
+            pixels=truth.pixels,
+            origins=truth.origins,
+            directions=truth.directions,
+            central=truth.central,
+            mirrored=truth.mirrored,
+            f_uc_vc=truth.virtual_camera or (np.nan,) * 3,
+        )

@@ -1,0 +1,1 @@
+"""Pinhole views of a calibrated camera, and the maps that make them from its images."""

@@ -1,0 +1,146 @@
+"""Smooth maps evaluated at every pixel: exact at a few Chebyshev nodes, expanded by two small matrix products.
+
+A region where the expansion does not converge (or where the map does not exist at some node) is split in four; what is
+left at the smallest size is evaluated pixel by pixel (design: Trefethen, *Approximation Theory and Practice*, ch. 3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinholify.arrays import Bools, Floats
+
+NODES = 24
+TAIL = 4
+SMALLEST = 32  # px; a region as small as this is evaluated directly
+
+PointMap = Callable[[Floats], Floats]
+"""(n, 2) → (n, 2), nan where there is no answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """Pixels ``left`` ≤ x < ``right``, ``top`` ≤ y < ``bottom``."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def small(self) -> bool:
+        """Whether direct evaluation is as cheap as the nodes."""
+        return max(self.right - self.left, self.bottom - self.top) <= SMALLEST
+
+    def quarters(self) -> list[Region]:
+        """Four regions that make up this one."""
+        x, y = (self.left + self.right + 1) // 2, (self.top + self.bottom + 1) // 2
+        parts = [(self.left, self.top, x, y), (x, self.top, self.right, y)]
+        parts += [(self.left, y, x, self.bottom), (x, y, self.right, self.bottom)]
+        return [Region(*p) for p in parts if p[0] < p[2] and p[1] < p[3]]
+
+    def pixels(self) -> Floats:
+        """All its pixels, row-major (n, 2)."""
+        x, y = np.arange(self.left, self.right), np.arange(self.top, self.bottom)
+        return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float64)
+
+    def nodes(self) -> Floats:
+        """Its Chebyshev nodes (NODES², 2), row-major; they reach slightly beyond no edge."""
+        t = _nodes()
+        x = (self.left + self.right - 1) / 2.0 + t * (self.right - 1 - self.left) / 2.0
+        y = (self.top + self.bottom - 1) / 2.0 + t * (self.bottom - 1 - self.top) / 2.0
+        return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _is_finite(values: Floats) -> Bools:
+    return np.asarray(np.isfinite(values).all(axis=-1))
+
+
+def expand(
+    function: PointMap,
+    size: tuple[int, int],
+    *,
+    tolerance: float = 0.005,
+    wanted: Callable[[Floats], Bools] = _is_finite,
+) -> NDArray[np.float32]:
+    """``function`` at every pixel of an image of ``size`` (width, height): (height, width, 2) float32.
+
+    ``tolerance`` bounds the expansion's error, in units of the function's values; nan where it has no answer, and
+    perhaps where its values (…, 2) are not ``wanted``: a region none of whose nodes is wanted is left out.
+    """
+    width, height = size
+    out = np.full((height, width, 2), np.nan, dtype=np.float32)
+    regions = [Region(0, 0, width, height)]
+    while regions:
+        small = [r for r in regions if r.small]
+        large = [r for r in regions if not r.small]
+        if small:
+            _fill_directly(function, small, out)
+        regions = _fill_by_nodes(function, large, out, tolerance, wanted) if large else []
+    return out
+
+
+def _fill_directly(function: PointMap, regions: list[Region], out: NDArray[np.float32]) -> None:
+    pixels = [r.pixels() for r in regions]
+    values = np.split(function(np.concatenate(pixels)), np.cumsum([len(p) for p in pixels])[:-1])
+    for region, value in zip(regions, values, strict=True):
+        shape = (region.bottom - region.top, region.right - region.left, 2)
+        out[region.top : region.bottom, region.left : region.right] = value.reshape(shape)
+
+
+def _fill_by_nodes(
+    function: PointMap,
+    regions: list[Region],
+    out: NDArray[np.float32],
+    tolerance: float,
+    wanted: Callable[[Floats], Bools],
+) -> list[Region]:
+    """Fill the regions that converge; the quarters of those that do not are returned."""
+    values = function(np.concatenate([r.nodes() for r in regions])).reshape(len(regions), NODES, NODES, 2)
+    transform = _transform()
+    with np.errstate(invalid="ignore"):
+        coefficients = np.einsum("ai,rijk,bj->rabk", transform, values, transform, optimize=True)
+    rest: list[Region] = []
+    for region, value, coefficient in zip(regions, values, coefficients, strict=True):
+        if not wanted(value).any():
+            continue
+        if np.isfinite(value).all() and _tail(coefficient) <= tolerance:
+            out[region.top : region.bottom, region.left : region.right] = _evaluate(region, coefficient)
+        else:
+            rest += region.quarters()
+    return rest
+
+
+def _tail(coefficient: Floats) -> float:
+    """Sum of the sizes of the highest orders in either direction: what a few more orders would still add."""
+    size = np.abs(coefficient)
+    return float(max(size[-TAIL:].sum(axis=(0, 1)).max(), size[:, -TAIL:].sum(axis=(0, 1)).max()))
+
+
+def _evaluate(region: Region, coefficient: Floats) -> NDArray[np.float32]:
+    rows = _chebyshev(region.bottom - region.top).astype(np.float32)
+    columns = _chebyshev(region.right - region.left).astype(np.float32)
+    c = coefficient.astype(np.float32)
+    return np.stack([rows @ c[:, :, k] @ columns.T for k in range(2)], axis=-1)
+
+
+def _nodes() -> Floats:
+    return np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+
+
+def _transform() -> Floats:
+    """Values at the nodes → Chebyshev coefficients (NODES, NODES)."""
+    order = np.arange(NODES)[:, None]
+    matrix = 2.0 / NODES * np.cos(np.pi * order * (np.arange(NODES) + 0.5) / NODES)
+    matrix[0] /= 2.0
+    return matrix
+
+
+def _chebyshev(count: int) -> Floats:
+    """Chebyshev polynomials at ``count`` equally spaced points of [−1, 1]: (count, NODES)."""
+    t = np.linspace(-1.0, 1.0, count) if count > 1 else np.zeros(1)
+    return np.cos(np.arange(NODES) * np.arccos(t)[:, None])
