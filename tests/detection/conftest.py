@@ -13,7 +13,7 @@ HOMOGRAPHY = np.array([[40.0, 6.0, 90.0], [-4.0, 38.0, 85.0], [0.004, 0.003, 1.0
 """Board squares to px of a 640x480 image."""
 
 
-def render_board(columns: int, rows: int, *, homography=HOMOGRAPHY, size=(640, 480), noise=2.0, black_first=1):
+def render_board(columns, rows, *, homography=HOMOGRAPHY, size=(640, 480), noise=2.0, black_first=1):
     """An 8-bit image of a board and its corners (columns·rows, 2) in px.
 
     The square beyond corner 0 is black unless ``black_first`` is 0.

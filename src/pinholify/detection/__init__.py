@@ -1,6 +1,6 @@
 """From images to the corners of a board: ``detect_board`` for one image, ``detect_files`` for many."""
 
-from pinholify.detection.detect import detect_board
+from pinholify.detection.detect import detect_board, detect_size
 from pinholify.detection.files import detect_files
 
-__all__ = ["detect_board", "detect_files"]
+__all__ = ["detect_board", "detect_files", "detect_size"]

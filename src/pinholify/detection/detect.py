@@ -2,36 +2,101 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
+import cv2
+import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.board import Board
+from pinholify.board import Board, Checkerboard, size
 from pinholify.corners import Corners, not_found
-from pinholify.detection.intensity import grey_levels
-from pinholify.detection.lattice import orient, turns
-from pinholify.detection.opencv import find_complete
+from pinholify.detection.candidates import find_candidates
+from pinholify.detection.growth import FEWEST, grower
+from pinholify.detection.intensity import Grey, grey_levels
+from pinholify.detection.lattice import Lattice
+from pinholify.detection.placement import ends, place
+from pinholify.detection.refine import refine_lattice
 
 SMALLEST_SIDE = 24
 """Below this (px) no board can show its corners."""
+
+FIRST_SIDE = 1400
+"""The search starts on an image reduced by powers of two to at most this width and height (px)."""
 
 
 def detect_board(image: NDArray[Any], board: Board, *, name: str = "", mirrored: bool = False) -> Corners:
     """The corners of ``board`` in ``image``, with ids in the order of :mod:`pinholify.detection.lattice`.
 
     ``image``: (height, width) or (height, width, 3) in BGR, uint8, uint16 or float. ``mirrored``: the image
-    is a reflection. Where no board is found the result has no corners and a ``reason``.
+    is a reflection. A part of the board is found too; where its place on the board cannot be known, the
+    result says so. Of several boards the largest complete one counts, then the part with the most corners.
+    Where no board is found the result has no corners and a ``reason``.
     """
     grey = grey_levels(image)
     height, width = grey.shape
     if min(height, width) < SMALLEST_SIDE:
         return not_found(name, f"the image is only {width}x{height} px, too small to show a board")
-    lattice = find_complete(grey, board)
-    if lattice is None:
-        return not_found(name, f"no board of {board.spec} inner corners was found")
-    size = (board.columns, board.rows)
-    ways = [way.at_origin() for way in turns(lattice, mirrored=mirrored) if way.extent == size]
-    if not ways:
-        return not_found(name, f"a board of {board.spec} inner corners was found, but not its outer lines")
-    chosen, assumed = orient(ways, board)
-    return Corners(name, chosen.ids(board), chosen.uv, chosen.weights, orientation_assumed=assumed)
+    best = not_found(name, f"no board of {board.spec} inner corners was found")
+    for lattices in _searches(grey):
+        for lattice in lattices:
+            found = place(grey, lattice, board, name=name, mirrored=mirrored)
+            best = _better(best, found)
+        if len(best) == size(board):
+            break
+    return best
+
+
+def detect_size(image: NDArray[Any]) -> Checkerboard | None:
+    """The size of the largest checkerboard in ``image`` that is seen to end on all four sides, columns ≥
+    rows.
+    """
+    grey = grey_levels(image)
+    if min(grey.shape) < SMALLEST_SIDE:
+        return None
+    for lattices in _searches(grey):
+        for lattice in sorted(lattices, key=len, reverse=True):
+            lattice = lattice.at_origin()
+            seen = ends(grey, lattice)
+            if min(lattice.extent) >= 3 and seen.left and seen.right and seen.top and seen.bottom:
+                return Checkerboard(max(lattice.extent), min(lattice.extent))
+    return None
+
+
+def _searches(grey: Grey) -> Iterator[list[Lattice]]:
+    """The lattices in ``grey``, searched at one size after the other: the quick one, finer ones, a coarser
+    one.
+    """
+    levels = 0
+    while max(grey.shape) / 2**levels > FIRST_SIDE:
+        levels += 1
+    for level in [*range(levels, -1, -1), levels + 1]:
+        reduced = _reduced(grey, level)
+        if min(reduced.shape) >= SMALLEST_SIDE:
+            grown = grower(reduced, find_candidates(reduced)).lattices()
+            refined = [refine_lattice(grey, _enlarged(lattice, 2**level)) for lattice in grown]
+            yield [lattice for lattice in refined if len(lattice) >= FEWEST]
+
+
+def _reduced(grey: Grey, level: int) -> Grey:
+    if level == 0:
+        return grey
+    height, width = grey.shape
+    size = (width >> level, height >> level)
+    whole = grey[: size[1] << level, : size[0] << level]
+    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def _enlarged(lattice: Lattice, factor: int) -> Lattice:
+    return Lattice(lattice.index, (lattice.uv + 0.5) * factor - 0.5, lattice.weights, lattice.phase)
+
+
+def _better(best: Corners, found: Corners) -> Corners:
+    """The one with more corners; between full boards the larger in the image; a reason with a size beats one
+    without.
+    """
+    if len(found) == len(best) and found.found:
+        return max(best, found, key=lambda corners: float(np.prod(np.ptp(corners.uv, axis=0))))
+    if found.found or best.found:
+        return max(best, found, key=len)
+    return found

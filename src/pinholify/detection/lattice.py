@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinholify.arrays import Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import Board
 
 
@@ -40,6 +40,15 @@ class Lattice:
         """Columns and rows from the first to the last corner."""
         columns, rows = np.ptp(self.index, axis=0) + 1
         return int(columns), int(rows)
+
+    def select(self, keep: Bools) -> Lattice:
+        """The corners where ``keep`` (n,) is true."""
+        return Lattice(self.index[keep], self.uv[keep], self.weights[keep], self.phase)
+
+    def joined(self, index: Ints, uv: Floats) -> Lattice:
+        """These corners and those at ``index`` (m, 2) and ``uv`` (m, 2), of weight 1."""
+        indices, places = np.concatenate([self.index, index]), np.concatenate([self.uv, uv])
+        return Lattice(indices, places, np.concatenate([self.weights, np.ones(len(index))]), self.phase)
 
     def shifted(self, by: tuple[int, int]) -> Lattice:
         """The same corners with ``by`` added to every index."""

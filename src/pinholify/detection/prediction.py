@@ -1,0 +1,120 @@
+"""A small Gaussian process from lattice index to pixel: where the next corner of a lattice must be.
+
+Each prediction conditions on the known corners nearest to it: a linear trend without preference plus a
+squared exponential of a few squares, whose amplitude is estimated from those same corners. The uncertainty
+therefore grows by itself where the lens bends the lattice, and with the distance from what is known
+(Rasmussen & Williams, 2006, sections 2.2 and 2.7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Floats, Ints
+
+NEAREST = 24
+LENGTH_SCALE = 4.0
+NUGGET = 1e-5
+"""Noise variance as a fraction of the amplitude's square."""
+
+TREND = 1e4
+"""Prior variance of the linear trend, likewise: as good as unknown."""
+
+PRIOR_AMPLITUDE = 0.2
+"""Of the bending, as a fraction of the spacing, before corners tell; weighs as much as four corners."""
+
+PRIOR_WEIGHT = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """For m lattice indices: ``uv`` (m, 2) px, its standard deviation ``std`` (m,) px, and ``jacobian`` (m,
+    2, 2).
+
+    The columns of the Jacobian are the steps in px to the next column and to the next row; ``spacing`` (m,)
+    is the distance in px from the nearest known corner, for one step of the lattice.
+    """
+
+    uv: Floats
+    std: Floats
+    jacobian: Floats
+    spacing: Floats
+
+    def select(self, keep: Ints) -> Prediction:
+        """The predictions at the positions ``keep``."""
+        return Prediction(self.uv[keep], self.std[keep], self.jacobian[keep], self.spacing[keep])
+
+
+def predict(known: Ints, uv: Floats, query: Floats | Ints, *, leave_out: bool = False) -> Prediction:
+    """Predicts the pixels of the indices ``query`` (m, 2) from ``uv`` (n, 2) px at the indices ``known`` (n,
+    2).
+
+    With ``leave_out`` a known corner does not take part in its own prediction.
+    """
+    offset, place = _nearest(known, uv, np.asarray(query, dtype=np.float64), leave_out=leave_out)
+    centre = place.mean(axis=1)
+    place = place - centre[:, None]
+    cross = _bending(offset) + TREND  # The query is the origin of its offsets.
+    solved = np.linalg.solve(_kernel(offset), np.concatenate([place, cross[:, :, None]], axis=2))
+    alpha, weights = solved[:, :, :2], solved[:, :, 2]
+    variance = np.maximum(1 + TREND - (cross * weights).sum(axis=1), NUGGET)
+    mean = (cross[:, :, None] * alpha).sum(axis=1)
+    spacing = _spacing(offset, place, mean)
+    misfit = (place * alpha).sum(axis=(1, 2)) / 2 + PRIOR_WEIGHT * (PRIOR_AMPLITUDE * spacing) ** 2
+    amplitude = np.sqrt(misfit / (max(offset.shape[1] - 3, 0) + PRIOR_WEIGHT))
+    # Beyond the nearest corner bending is extrapolated too far: the slope is taken half way to it.
+    nearest = (offset**2).sum(axis=2).argmin(axis=1)
+    halfway = offset[np.arange(len(offset)), nearest] / 2
+    jacobian = _slope(offset, alpha, halfway)
+    return Prediction(mean + centre, amplitude * np.sqrt(variance), jacobian, spacing)
+
+
+def local_frames(known: Ints, uv: Floats) -> tuple[Floats, Floats]:
+    """First and second derivatives of the predicted pixel at each known corner: (n, 2, 2) and (n, 2, 3) px.
+
+    The last axis of the second is for two column steps, one of each, and two row steps.
+    """
+    offset, place = _nearest(known, uv, known.astype(np.float64), leave_out=False)
+    alpha = np.linalg.solve(_kernel(offset), place - place.mean(axis=1, keepdims=True))
+    jacobian = _slope(offset, alpha, np.zeros((len(offset), 2)))
+    i, j = offset[:, :, 0] / LENGTH_SCALE, offset[:, :, 1] / LENGTH_SCALE
+    curvature = np.stack([i * i - 1, i * j, j * j - 1], axis=2) * _bending(offset)[:, :, None]
+    return jacobian, alpha.transpose(0, 2, 1) @ curvature / LENGTH_SCALE**2
+
+
+def _nearest(known: Ints, uv: Floats, query: Floats, *, leave_out: bool) -> tuple[Floats, Floats]:
+    """Offsets (m, k, 2) of the k nearest known corners from each query, and their pixels (m, k, 2)."""
+    squared = ((query[:, None] - known[None]) ** 2).sum(axis=2)
+    if leave_out:
+        squared[squared == 0] = np.inf
+    count = min(NEAREST, len(known) - leave_out)
+    near = np.argpartition(squared, count - 1, axis=1)[:, :count]
+    return known[near] - query[:, None], uv[near]
+
+
+def _bending(offset: Floats) -> Floats:
+    return np.asarray(np.exp(-(offset**2).sum(axis=-1) / (2 * LENGTH_SCALE**2)))
+
+
+def _kernel(offset: Floats) -> Floats:
+    """Covariances (m, k, k) of the known corners at ``offset`` (m, k, 2), in units of the squared amplitude.
+    """
+    trend = TREND * (1 + offset @ offset.transpose(0, 2, 1))
+    return _bending(offset[:, :, None] - offset[:, None]) + trend + NUGGET * np.eye(offset.shape[1])
+
+
+def _slope(offset: Floats, alpha: Floats, at: Floats) -> Floats:
+    """Jacobian (m, 2, 2) of the mean at ``at`` (m, 2) from each query."""
+    apart = offset - at[:, None]
+    return alpha.transpose(0, 2, 1) @ (_bending(apart)[:, :, None] * apart / LENGTH_SCALE**2 + TREND * offset)
+
+
+def _spacing(offset: Floats, place: Floats, mean: Floats) -> Floats:
+    """Distance (m,) of ``mean`` (m, 2) from the nearest corner of another index, for one step of the lattice.
+    """
+    steps = np.sqrt((offset**2).sum(axis=2))
+    steps[steps == 0] = np.inf
+    row, nearest = np.arange(len(offset)), steps.argmin(axis=1)
+    return np.asarray(np.linalg.norm(place[row, nearest] - mean, axis=1) / steps[row, nearest])

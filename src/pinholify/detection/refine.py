@@ -1,0 +1,82 @@
+"""The last step of detection: a grown lattice's corners fitted at full size, weighed, and the unfit ones
+dropped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+from pinholify.detection.edges import Crossings, Windows, fit_crossings
+from pinholify.detection.growth import regular, signs
+from pinholify.detection.intensity import Grey
+from pinholify.detection.lattice import Lattice
+from pinholify.detection.prediction import local_frames
+from pinholify.detection.saddle import refine_saddles
+
+FIRST_WINDOW = 0.15
+"""Half window, as a fraction of the spacing, of the quadratic fit that brings corners within reach of the
+last fit.
+"""
+
+WINDOW = 0.33
+"""Half window of the last fit, likewise: the lines of a third of a square each way."""
+
+WIDEST = 20.0
+"""Half windows are no wider than this, in px."""
+
+FLOOR = 0.03
+"""px. What no fit sees: print, pixel response, the model. A corner fitted better than this gains nothing by
+it.
+"""
+
+
+def refine_lattice(grey: Grey, lattice: Lattice) -> Lattice:
+    """``lattice`` with fitted positions, weights FLOOR / √(FLOOR² + std²), and only corners that are true
+    corners.
+    """
+    lattice = _moved(lattice, _first_places(grey, lattice))
+    jacobian, second = local_frames(lattice.index, lattice.uv)
+    crossings = _fit(grey, _windows(lattice.uv, jacobian, second, WINDOW))
+    weights = FLOOR / np.hypot(FLOOR, crossings.std)
+    fitted = Lattice(lattice.index, crossings.uv, weights, lattice.phase)
+    kept = fitted.select(_true_corners(fitted, crossings))
+    return kept.select(regular(kept))
+
+
+def _first_places(grey: Grey, lattice: Lattice) -> Floats:
+    jacobian, _ = local_frames(lattice.index, lattice.uv)
+    length = np.linalg.norm(jacobian, axis=1).min(axis=1)
+    radius = np.clip(FIRST_WINDOW * length, 2.0, WIDEST)
+    saddles = refine_saddles(grey, lattice.uv, jacobian * (radius / length)[:, None, None])
+    return np.where(saddles.sound[:, None], saddles.uv, lattice.uv)
+
+
+def _moved(lattice: Lattice, uv: Floats) -> Lattice:
+    return Lattice(lattice.index, uv, lattice.weights, lattice.phase)
+
+
+def _windows(uv: Floats, jacobian: Floats, second: Floats, fraction: float) -> Windows:
+    part = np.minimum(fraction, WIDEST / np.linalg.norm(jacobian, axis=1))
+    products = np.stack([part[:, 0] ** 2 / 2, part[:, 0] * part[:, 1], part[:, 1] ** 2 / 2], axis=1)
+    return Windows(uv, jacobian * part[:, None, :], second * products[:, None, :])
+
+
+def _fit(grey: Grey, windows: Windows) -> Crossings:
+    """Fits all corners; where a window is spoilt, by a finger or a glare, half the window is tried instead.
+    """
+    wide = fit_crossings(grey, windows)
+    misfit = wide.residual / np.abs(wide.strength)
+    spoilt = np.flatnonzero(~wide.sound | (misfit > 2 * np.median(misfit)))
+    if not len(spoilt):
+        return wide
+    narrow = fit_crossings(grey, windows.select(spoilt).scaled(0.5))
+    better = narrow.sound & ((narrow.residual < 0.8 * wide.residual[spoilt]) | ~wide.sound[spoilt])
+    return wide.replaced(spoilt[better], narrow.select(np.flatnonzero(better)))
+
+
+def _true_corners(lattice: Lattice, crossings: Crossings) -> Bools:
+    """Which fits (n,) have the colours of their index, a tenth of the usual contrast, and no great misfit."""
+    strength = crossings.strength * signs(lattice.index, lattice.phase)
+    clear = strength > 0.1 * np.median(strength)
+    return np.asarray(crossings.sound & clear & (crossings.residual < 0.5 * strength))
