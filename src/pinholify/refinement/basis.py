@@ -1,0 +1,109 @@
+"""A Gaussian process on a box as a weighted sum of sines (Solin & Särkkä 2020, Hilbert-space reduced-rank
+GPs).
+
+On the box |w_d| ≤ L_d the functions φ_jk(w) = sin(ω_j (u + L_u)) sin(ω_k (v + L_v)) / √(L_u L_v), ω_j = πj/(2
+L), carry a stationary process when the weights are independent with variance S(ω_j, ω_k), the kernel's
+spectral density.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Floats, Ints, frozen
+from pinholify.refinement.trends.base import inverse_2x2
+
+BOX = 1.4  # of the image's half size
+NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-13
+REACH = (
+    4.8  # frequencies kept, in inverse length scales: beyond it the SE density is below 1e-5 of its maximum
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SineBasis:
+    """M functions: ``order`` (M, 2) holds j and k (from 1), ``half_box`` (2,) L."""
+
+    half_box: Floats
+    order: Ints
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "half_box", frozen(self.half_box, (2,)))
+        object.__setattr__(self, "order", frozen(self.order, (None, 2), np.int64))
+
+    def __len__(self) -> int:
+        """M."""
+        return len(self.order)
+
+    @property
+    def frequencies(self) -> Floats:
+        """Angular frequencies (M, 2)."""
+        return np.asarray(np.pi * self.order / (2.0 * self.half_box))
+
+    def values(self, w: Floats) -> Floats:
+        """φ at ``w`` (n, 2): (n, M)."""
+        (u, v), _ = self._factors(w)
+        return np.asarray(u[:, self.order[:, 0] - 1] * v[:, self.order[:, 1] - 1])
+
+    def combine(self, weights: Floats, w: Floats) -> tuple[Floats, Floats]:
+        """g = Σ φ · ``weights`` (M, m) at ``w`` (n, 2), and ∂g/∂w: (n, m) and (n, m, 2)."""
+        n, m = len(w), weights.shape[1]
+        if not len(self):
+            return np.zeros((n, m)), np.zeros((n, m, 2))
+        (u, v), (du, dv) = self._factors(w)
+        grid = np.zeros((u.shape[1], v.shape[1], m))
+        grid[self.order[:, 0] - 1, self.order[:, 1] - 1] = weights
+        flat = grid.reshape(u.shape[1], -1)
+        along, slope = (u @ flat).reshape(n, -1, m), (du @ flat).reshape(n, -1, m)
+        value, by_u, by_v = (np.einsum("nkm,nk->nm", a, b) for a, b in ((along, v), (slope, v), (along, dv)))
+        return value, np.stack([by_u, by_v], axis=2)
+
+    def undisplaced(self, weights: Floats, x: Floats) -> Floats:
+        """The w (n, 2) with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
+        w = np.array(x)
+        if not len(self):
+            return w
+        for _ in range(NEWTON_STEPS):
+            g, slope = self.combine(weights, w)
+            error = x - g - w
+            w += (inverse_2x2(np.eye(2) + slope) @ error[:, :, None])[:, :, 0]
+            if np.abs(error).max(initial=0.0) < NEWTON_TOLERANCE:
+                break
+        return w
+
+    def _factors(self, w: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+        """The sines of both axes, (n, J) and (n, K), and their derivatives."""
+        values, slopes = [], []
+        for axis in (0, 1):
+            count = int(self.order[:, axis].max(initial=0))
+            length = self.half_box[axis]
+            omega = np.pi * np.arange(1, count + 1) / (2.0 * length)
+            wave = _powers(np.exp(1j * np.pi * (w[:, axis] + length) / (2.0 * length)), count) / np.sqrt(
+                length
+            )
+            values.append(wave.imag)
+            slopes.append(wave.real * omega)
+        return (values[0], values[1]), (slopes[0], slopes[1])
+
+
+def _powers(base: np.ndarray, count: int) -> np.ndarray:
+    """``base`` to the powers 1 … ``count``: (n, count), by multiplication, which is cheaper than as many
+    sines.
+    """
+    return np.cumprod(np.broadcast_to(base[:, None], (len(base), count)), axis=1)
+
+
+def sine_basis(half_size: Floats, length_scale: float) -> SineBasis:
+    """The functions that a process of ``length_scale`` or longer needs on an image of ``half_size`` (2,)."""
+    half_box = BOX * half_size
+    j, k = (np.arange(1, int(np.ceil(2.0 * box * REACH / (np.pi * length_scale))) + 1) for box in half_box)
+    order = np.stack(np.meshgrid(j, k, indexing="ij"), axis=-1).reshape(-1, 2)
+    radius = np.linalg.norm(np.pi * order / (2.0 * half_box), axis=1)
+    return SineBasis(half_box, order[radius <= REACH / length_scale])
+
+
+def no_basis(half_size: Floats) -> SineBasis:
+    """No functions at all: the process is switched off."""
+    return SineBasis(BOX * half_size, np.empty((0, 2), np.int64))

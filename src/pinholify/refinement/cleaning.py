@@ -1,0 +1,118 @@
+"""The full solve without the corners and boards that are wrong, each tested against what the rest says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+from pinholify.errors import CalibrationError
+from pinholify.refinement.candidates import Candidate, Setting
+from pinholify.refinement.model import State
+from pinholify.refinement.observations import Observations
+from pinholify.refinement.outliers import consistent, locally_consistent, misfitting_boards, with_enough
+from pinholify.refinement.settle import Settled, settle
+from pinholify.refinement.solver import Loss, Solution, minimise
+from pinholify.refinement.start import ROBUST, reposed
+
+ROUNDS = 3
+HALF = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cleaned:
+    """The finished solve of the corners ``seen``; ``residuals`` (n, 2) and ``inliers`` (n,) of all corners of
+    the used views by name, and ``misfits``: why the other views were not used.
+    """
+
+    settled: Settled
+    seen: Observations
+    residuals: Mapping[str, Floats]
+    inliers: Mapping[str, Bools]
+    misfits: Mapping[str, str]
+
+
+def screen(setting: Setting, first: Solution, everything: Observations) -> tuple[Observations, Solution]:
+    """The corners that agree with their neighbours, and the first solution refined on them alone."""
+    keep = locally_consistent(first.prediction.residual, everything)
+    share = everything.sums(keep.astype(float)) / everything.sums(np.ones(len(keep)))
+    keep = with_enough(everything, keep & (share >= HALF)[everything.view])
+    if not keep.any():
+        raise CalibrationError("no board's corners agree with the others': look for a wrong board size")
+    seen = everything.select(keep)
+    state = first.state.of_boards(np.isin(np.arange(everything.boards), everything.view[keep]))
+    known = minimise(first.model, state, seen, first.model.trend_precision(), ROBUST)
+    if known is None:
+        raise CalibrationError("the joint solve broke down at its start: look for a wrong board size")
+    return seen, known
+
+
+def clean(setting: Setting, best: Candidate, seen: Observations, everything: Observations) -> Cleaned:
+    """``best`` solved in full on ``seen``, then on all corners of ``everything`` that agree with it, until
+    these stand.
+    """
+    settled = settle(setting, best, seen)
+    for _ in range(ROUNDS):
+        state, residual = _judged(settled, seen, everything)
+        keep, misfits = _verdict(residual, settled.hyperparameters.noise, everything)
+        if np.array_equal(everything.image[keep], seen.image):
+            break
+        if not keep.any():
+            raise CalibrationError("no board agrees with the others: look for a wrong board size")
+        seen = everything.select(keep)
+        kept = np.isin(np.arange(everything.boards), everything.view[keep])
+        settled = settle(setting, best, seen, _at(settled, state.of_boards(kept), seen))
+    state, residual = _judged(settled, seen, everything)
+    inside = dict(zip(everything.names, everything.slices(), strict=True))
+    inlier = np.zeros(len(everything.view), dtype=bool)
+    inlier[keep] = True
+    return Cleaned(
+        settled,
+        seen,
+        {name: residual[inside[name]] for name in seen.names},
+        {name: inlier[inside[name]] for name in seen.names},
+        misfits,
+    )
+
+
+def _at(settled: Settled, state: State, seen: Observations) -> Solution:
+    model = settled.model
+    return Solution(model, state, model.predict(state, seen), np.inf, settled.hyperparameters.noise)
+
+
+def _judged(settled: Settled, seen: Observations, everything: Observations) -> tuple[State, Floats]:
+    """The camera with poses of all boards, and the residuals (N, 2) of all corners, nan where it sees
+    nothing.
+
+    Boards that were set aside are posed by the finished camera.
+    """
+    model, camera = settled.model, settled.solution.state
+    used = np.isin(everything.names, seen.names)
+    state = reposed(model, camera, everything)
+    rotations, translations = np.array(state.rotations), np.array(state.translations)
+    rotations[used], translations[used] = camera.rotations, camera.translations
+    state = replace(state, rotations=rotations, translations=translations)
+    seen_at_all = np.isfinite(model.predict(state, everything).residual).all(axis=1)
+    aside = ~used & (everything.sums((~seen_at_all).astype(float)) == 0)
+    if aside.any():
+        some = everything.select(aside[everything.view])
+        loss = Loss(settled.hyperparameters.noise, ROBUST.huber)
+        posed = minimise(model, state.of_boards(aside), some, settled.precision, loss, poses_only=True)
+        if posed is not None:
+            rotations[aside], translations[aside] = posed.state.rotations, posed.state.translations
+    return state, model.predict(state, everything).residual
+
+
+def _verdict(residual: Floats, noise: float, everything: Observations) -> tuple[Bools, dict[str, str]]:
+    """Which corners (N,) to keep, and the boards not to, with the reason."""
+    keep = consistent(residual, noise, everything)
+    misfits = {}
+    for k, reason in misfitting_boards(residual, noise, everything).items():
+        keep[everything.slices()[k]] = False
+        misfits[everything.names[k]] = reason
+    enough = with_enough(everything, keep)
+    for k in set(everything.view[keep]) - set(everything.view[enough]):
+        misfits[everything.names[k]] = "too few of its corners agree with the others"
+    return enough, misfits

@@ -1,0 +1,202 @@
+"""Laplace evidence of the linearised joint solve, and the hyperparameters that maximise it.
+
+With the poses eliminated, residual r − J δ and prior θ + δ ~ N(0, Λ⁻¹), everything follows from the unit-
+noise normal equations (S, s, ‖r‖²), so a trial of hyperparameters costs one Cholesky factor of A = S/σ² + Λ:
+
+    log p = −½ (‖r‖²/σ² + θᵀΛθ − bᵀA⁻¹b) − ½ log|A| + ½ log|Λ| − ½ Σ_k log|C_k/σ²| − N log 2πσ²,   b = s/σ² − Λθ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_solve
+from scipy.linalg.lapack import dpotri
+from scipy.optimize import minimize
+
+from pinholify.arrays import Bools, Floats
+from pinholify.refinement.normal import NormalEquations
+from pinholify.refinement.spectral import LogDensity
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+STD_RANGE = (1e-7, 0.3)  # of the process, in normalised image units
+NOISE_RANGE = (1e-8, 0.1)
+LONGEST = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """Unit-noise equations around ``theta`` (D,): ``matrix`` S, ``right`` s, ``misfit`` ‖r‖², the rest as
+    there.
+
+    ``frequencies`` (M, 2) are those of the process's weights, the first 2M of θ; ``precision`` (D − 2M,) is
+    the prior's of the rest.
+    """
+
+    matrix: Floats
+    right: Floats
+    misfit: float
+    log_det_poses: float
+    rows: int
+    boards: int
+    theta: Floats
+    frequencies: Floats
+    precision: Floats
+
+    def without(self, removed: Bools) -> Linearised:
+        """The same with the unknowns where ``removed`` (D,) is true held at zero; weights in pairs."""
+        keep, gone = ~removed, -self.theta[removed]
+        m = len(self.frequencies)
+        columns = self.matrix[:, removed] @ gone
+        return Linearised(
+            self.matrix[np.ix_(keep, keep)],
+            self.right[keep] - columns[keep],
+            self.misfit - float(2.0 * self.right[removed] @ gone - gone @ columns[removed]),
+            self.log_det_poses,
+            self.rows,
+            self.boards,
+            self.theta[keep],
+            self.frequencies[keep[:m]],
+            self.precision[keep[2 * m :]],
+        )
+
+    def without_process(self) -> Linearised:
+        """The same with the process switched off."""
+        return self.without(np.arange(len(self.theta)) < 2 * len(self.frequencies))
+
+
+def linearised(
+    equations: NormalEquations, boards: int, theta: Floats, frequencies: Floats, precision: Floats
+) -> Linearised:
+    """The undamped ``equations`` around ``theta``."""
+    return Linearised(
+        equations.matrix,
+        equations.right,
+        equations.misfit,
+        equations.log_det_poses,
+        equations.rows,
+        boards,
+        theta,
+        frequencies,
+        precision,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
+    """At given hyperparameters: ``log_evidence``, the best step ``delta`` (D,), and what gradients need.
+
+    ``shrinkage`` (D,) is the posterior variance of each unknown ÷ its prior variance, ``misfit`` the sum of
+    squares left.
+    """
+
+    log_evidence: float
+    delta: Floats
+    shrinkage: Floats
+    misfit: float
+
+
+def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
+    """The Gaussian posterior for prior ``precision`` (D,) and ``noise`` per axis.
+
+    Raises numpy.linalg.LinAlgError where double precision does not suffice.
+    """
+    root = precision**-0.5
+    scaled = at.matrix * (root[:, None] * root / noise**2)
+    scaled[np.diag_indices(len(root))] += 1.0
+    cholesky = np.linalg.cholesky(scaled)
+    b = (at.right / noise**2 - precision * at.theta) * root
+    solved = cho_solve((cholesky, True), b, check_finite=False)
+    delta = solved * root
+    quadratic = at.misfit / noise**2 + float(precision @ at.theta**2) - float(b @ solved)
+    log_det = 2.0 * float(np.log(np.diag(cholesky)).sum())
+    log_noise = 2.0 * np.log(noise)
+    poses = at.log_det_poses - 6.0 * at.boards * log_noise
+    value = -0.5 * (quadratic + log_det + poses + at.rows * (LOG_2PI + log_noise))
+    misfit = at.misfit - 2.0 * float(at.right @ delta) + float(delta @ at.matrix @ delta)
+    return Posterior(float(value), delta, np.diag(dpotri(cholesky, lower=1)[0]).copy(), misfit)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hyperparameters:
+    """``kernel`` log parameters (σ_f, length scales; normalised image units), empty where the process is off,
+    and ``noise``.
+    """
+
+    kernel: Floats
+    noise: float
+
+    def precision(self, density: LogDensity, frequencies: Floats, rest: Floats) -> Floats:
+        """Prior precision (D,) of all globals; ``rest`` is that of (β, η)."""
+        if not len(frequencies):
+            return rest
+        weights = np.exp(-density(self.kernel, frequencies)[0])
+        return np.concatenate([weights, weights, rest])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """Hyperparameters of the highest evidence found, and that evidence (with the length scale's prior)."""
+
+    hyperparameters: Hyperparameters
+    log_evidence: float
+
+
+def maximise_evidence(
+    at: Linearised,
+    density: LogDensity,
+    start: Hyperparameters,
+    *,
+    shortest: float,
+    resolved: float,
+    most: int = 40,
+) -> Fit:
+    """Hyperparameters by L-BFGS with analytic gradients from ``start``.
+
+    ``shortest`` is the penalised-complexity prior exp(−shortest/l); ``resolved`` the shortest length scale
+    that the functions of ``at`` can carry.
+    """
+    scales = len(start.kernel) - 1
+    bounds = (
+        [STD_RANGE, *[(resolved, max(LONGEST, resolved))] * scales, NOISE_RANGE]
+        if len(start.kernel)
+        else [NOISE_RANGE]
+    )
+    low, high = np.log(np.array(bounds)).T
+
+    def loss(parameters: Floats) -> tuple[float, Floats]:
+        trial = Hyperparameters(parameters[:-1], float(np.exp(parameters[-1])))
+        try:
+            return _negative_log_evidence(at, density, trial, shortest)
+        except np.linalg.LinAlgError:
+            return 1e25, np.zeros(len(parameters))
+
+    first = np.clip(np.append(start.kernel, np.log(start.noise)), low, high)
+    found = minimize(
+        loss,
+        first,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=list(zip(low, high, strict=True)),
+        options={"maxiter": most, "ftol": 1e-9, "gtol": 1e-2},
+    )
+    return Fit(Hyperparameters(found.x[:-1], float(np.exp(found.x[-1]))), -float(found.fun))
+
+
+def _negative_log_evidence(
+    at: Linearised, density: LogDensity, trial: Hyperparameters, shortest: float
+) -> tuple[float, Floats]:
+    precision = trial.precision(density, at.frequencies, at.precision)
+    found = posterior(at, precision, trial.noise)
+    by_log_noise = found.misfit / trial.noise**2 + (1.0 - found.shrinkage).sum() - at.rows + 6 * at.boards
+    if not len(trial.kernel):
+        return -found.log_evidence, np.array([-by_log_noise])
+    m = len(at.frequencies)
+    by_log_precision = 0.5 * (1.0 - found.shrinkage - precision * (at.theta + found.delta) ** 2)
+    by_log_density = -(by_log_precision[:m] + by_log_precision[m : 2 * m])
+    gradient = by_log_density @ density(trial.kernel, at.frequencies)[1]
+    scales = np.exp(trial.kernel[1:])
+    gradient[1:] += shortest / scales
+    value = found.log_evidence - shortest * float((1.0 / scales).sum())
+    return -value, -np.append(gradient, by_log_noise)

@@ -1,0 +1,147 @@
+"""The map that the joint solve finds: pixels to ray angles, with the covariance of everything it rests on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Floats, frozen
+from pinholify.charts import (
+    angles_to_directions,
+    angles_to_directions_jacobian,
+    directions_to_angles,
+    directions_to_angles_jacobian,
+)
+from pinholify.refinement.basis import SineBasis
+from pinholify.refinement.model import cross_matrices
+from pinholify.refinement.observations import ImageFrame
+from pinholify.refinement.trends import Trend
+from pinholify.refinement.trends.base import inverse_2x2
+
+POSE = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointMap:
+    """q = angles of the trend's ray at w, w + g(w) = uv: a :class:`pinholify.gp.maps.PlaneMap`.
+
+    ``frame`` normalises the image, ``beta`` (P,) are the trend's parameters, ``weights`` (M, 2) those of g in
+    ``basis``. Angles are in the joint solve's own axes; the reference board's pose there is ``rotation`` (3,
+    3) and ``translation`` (3,) of the board's ``middle`` (2,), in squares. ``root`` (D + 6, r) is a root of
+    the joint covariance of the weights of g_u and g_v, β and (where r has it) the reference pose's turn and
+    shift in the solve's axes.
+
+    The covariance is of rays in the reference board's frame: it counts that this frame is only known as well
+    as that board's pose.
+    """
+
+    frame: ImageFrame
+    trend: Trend
+    beta: Floats
+    basis: SineBasis
+    weights: Floats
+    rotation: Floats
+    translation: Floats
+    middle: Floats
+    root: Floats
+
+    def __post_init__(self) -> None:
+        unknowns = 2 * len(self.basis) + len(self.beta) + POSE
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "beta": (None,),
+            "weights": (len(self.basis), 2),
+            "rotation": (3, 3),
+            "translation": (3,),
+            "middle": (2,),
+            "root": (unknowns, None),
+        }
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen(getattr(self, name), shape))
+
+    # --- a PlaneMap ---
+
+    def value(self, uv: Floats) -> Floats:
+        """q (n, 2) in radians."""
+        return self._angles(self._undisplaced(uv))
+
+    def jacobian(self, uv: Floats) -> Floats:
+        """∂q/∂uv (n, 2, 2), radians per px."""
+        w = self._undisplaced(uv)
+        by_image, _ = self._slopes(w)
+        return by_image * (self.frame.signs / self.frame.scale)
+
+    def covariance(self, uv: Floats) -> Floats:
+        """Covariance of q (n, 2, 2), radians²."""
+        half = self.features(uv) @ self.root
+        return half @ half.transpose(0, 2, 1)
+
+    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
+        """uv (n, 2) of ``q``, on the trend's own branch; nan where it has none. ``reach`` is not needed."""
+        chart = self.trend.chart
+        with np.errstate(invalid="ignore"):
+            c = chart.coordinates(angles_to_directions(q))
+            w = self.trend.image(self.beta, c, self._undisplaced(start))
+        return self.frame.restore(w + self.basis.combine(self.weights, w)[0])
+
+    def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
+        """Shifts of q (draws, n, 2), to first order: draws of the posterior, where little is left of the prior."""
+        moved = self.features(uv) @ (self.root @ rng.standard_normal((self.root.shape[1], draws)))
+        return np.moveaxis(moved, 2, 0)
+
+    # --- beyond it ---
+
+    def features(self, uv: Floats) -> Floats:
+        """∂q/∂unknowns of :attr:`root` at fixed ``uv`` (n, 2), q in the reference board's frame: (n, 2, D +
+        6).
+        """
+        w = self._undisplaced(uv)
+        by_image, by_beta = self._slopes(w)
+        basis = self.basis.values(w)
+        displaced = -by_image[:, :, :, None] * basis[:, None, None, :]
+        directions = angles_to_directions(self._angles(w))
+        by_turn = directions_to_angles_jacobian(directions) @ cross_matrices(directions)
+        return np.concatenate(
+            [displaced.reshape(len(w), 2, -1), by_beta, by_turn, np.zeros((len(w), 2, 3))], axis=2
+        )
+
+    def intrinsics_features(self) -> Floats:
+        """∂(f, uc, vc)/∂unknowns of :attr:`root`, (3, D + 6)."""
+        centre = self.rotation.T @ np.column_stack([cross_matrices(self.translation[None])[0], np.eye(3)])
+        features = np.zeros((3, len(self.root)))
+        features[:, -POSE:] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]) @ centre
+        return features
+
+    def virtual_features(self, uv: Floats) -> Floats:
+        """∂(virtual point)/∂unknowns of :attr:`root` at fixed ``uv``, (n, 2, D + 6), squares.
+
+        Unlike a ray's, a virtual point's error leaves out what the reference board's pose and K share.
+        """
+        q = self.value(uv)
+        directions = angles_to_directions(q) @ self.rotation
+        f = (self.rotation.T @ self.translation)[2]
+        x, y, z = directions.T
+        by_direction = np.zeros((len(uv), 2, 3))
+        by_direction[:, 0, 0] = by_direction[:, 1, 1] = f / z
+        by_direction[:, 0, 2], by_direction[:, 1, 2] = -f * x / z**2, -f * y / z**2
+        by_angles = by_direction @ (self.rotation.T @ angles_to_directions_jacobian(q))
+        by_k = np.zeros((len(uv), 2, 3))
+        by_k[:, 0, 0], by_k[:, 1, 0] = x / z, y / z
+        by_k[:, 0, 1] = by_k[:, 1, 2] = 1.0
+        return by_angles @ self.features(uv) + by_k @ self.intrinsics_features()
+
+    def _undisplaced(self, uv: Floats) -> Floats:
+        return self.basis.undisplaced(self.weights, self.frame.normalise(uv))
+
+    def _angles(self, w: Floats) -> Floats:
+        chart = self.trend.chart
+        return directions_to_angles(chart.directions(self.trend.ray(self.beta, w)))
+
+    def _slopes(self, w: Floats) -> tuple[Floats, Floats]:
+        """∂q/∂x (n, 2, 2) and ∂q/∂β at fixed x (n, 2, P), at w."""
+        chart, c = self.trend.chart, self.trend.ray(self.beta, w)
+        by_ray, by_beta = self.trend.jacobians(self.beta, w, c)  # of w
+        by_c = directions_to_angles_jacobian(chart.directions(c)) @ chart.direction_jacobian(c)
+        by_w = by_c @ inverse_2x2(by_ray)
+        displacement = np.eye(2) + self.basis.combine(self.weights, w)[1]
+        return by_w @ inverse_2x2(displacement), -by_w @ by_beta

@@ -1,0 +1,102 @@
+"""What the joint solve is given: all corners of all boards in flat arrays, sorted by board."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats, Ints
+from pinholify.board import Board
+from pinholify.corners import Corners
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageFrame:
+    """Normalised image coordinates: x = (uv − ``centre``)/``scale``, u reversed where the image is a
+    reflection.
+
+    ``half_size`` (2,) is the image's half width and height in these units; its corners lie on the unit
+    circle.
+    """
+
+    centre: Floats
+    scale: float
+    mirrored: bool
+    half_size: Floats
+
+    @property
+    def signs(self) -> Floats:
+        """(2,): −1 for an axis that is reversed."""
+        return np.array([-1.0 if self.mirrored else 1.0, 1.0])
+
+    def normalise(self, uv: Floats) -> Floats:
+        """px to normalised coordinates, (n, 2)."""
+        return (uv - self.centre) / self.scale * self.signs
+
+    def restore(self, x: Floats) -> Floats:
+        """Normalised coordinates to px, (n, 2)."""
+        return x * self.signs * self.scale + self.centre
+
+
+def image_frame(image_size: tuple[int, int], mirrored: bool) -> ImageFrame:
+    """The normalised coordinates of images of ``image_size`` (width, height) px."""
+    half = np.array(image_size) / 2.0
+    scale = float(np.linalg.norm(half))
+    return ImageFrame(half - 0.5, scale, mirrored, half / scale)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """N corners of K boards, sorted by board.
+
+    ``image`` (N, 2) normalised image coordinates, ``lattice`` (N, 2) squares from the board's middle,
+    ``weight`` (N,) multiplies a residual, ``view`` (N,) is the board's index, ``starts`` (K,) its first
+    corner, ``names`` (K,).
+    """
+
+    image: Floats
+    lattice: Floats
+    weight: Floats
+    view: Ints
+    starts: Ints
+    names: tuple[str, ...]
+
+    @property
+    def boards(self) -> int:
+        """K."""
+        return len(self.names)
+
+    def sums(self, values: Floats) -> Floats:
+        """Sums over each board of ``values`` (N, …): (K, …)."""
+        return np.asarray(np.add.reduceat(values, self.starts, axis=0))
+
+    def slices(self) -> list[slice]:
+        """Where each board's corners are."""
+        ends = np.append(self.starts[1:], len(self.view))
+        return [slice(int(a), int(b)) for a, b in zip(self.starts, ends, strict=True)]
+
+    def select(self, keep: Bools) -> Observations:
+        """The corners where ``keep`` (N,) is true; boards left without any vanish."""
+        kept, starts, view = np.unique(self.view[keep], return_index=True, return_inverse=True)
+        names = tuple(self.names[k] for k in kept)
+        return Observations(self.image[keep], self.lattice[keep], self.weight[keep], view, starts, names)
+
+
+def lattice_middle(board: Board) -> Floats:
+    """The middle (2,) of the lattice, in squares."""
+    return np.array([board.columns - 1, board.rows - 1]) / 2.0
+
+
+def observations(views: Sequence[Corners], board: Board, frame: ImageFrame) -> Observations:
+    """All corners of ``views``, each of which has at least one."""
+    sizes = np.array([len(view) for view in views])
+    return Observations(
+        frame.normalise(np.concatenate([view.uv for view in views])),
+        np.concatenate([view.lattice(board) for view in views]) - lattice_middle(board),
+        np.concatenate([view.weights for view in views]),
+        np.repeat(np.arange(len(views)), sizes),
+        np.concatenate([[0], np.cumsum(sizes)[:-1]]),
+        tuple(view.name for view in views),
+    )

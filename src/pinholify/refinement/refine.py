@@ -1,0 +1,153 @@
+"""The joint refinement, from corners to a camera: start, wrong corners, trend, full solve, result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pinholify.board import lattice
+from pinholify.corners import Corners, CornerSet
+from pinholify.errors import CalibrationError
+from pinholify.refinement.candidates import WORTH, Candidate, Setting, candidates
+from pinholify.refinement.cleaning import Cleaned, clean, screen
+from pinholify.refinement.observations import (
+    ImageFrame,
+    Observations,
+    image_frame,
+    lattice_middle,
+    observations,
+)
+from pinholify.refinement.outliers import usable_views
+from pinholify.refinement.result import (
+    JointResult,
+    camera_of,
+    intrinsics_covariance,
+    joint_map,
+    poses_of,
+    shape_of,
+)
+from pinholify.refinement.settle import best_shape
+from pinholify.refinement.shape import board_shape
+from pinholify.refinement.spectral import density_named
+from pinholify.refinement.start import first_solution
+from pinholify.refinement.trends import families_named
+
+SHORTEST = 4.0  # typical distances between neighbouring corners of one board
+FEWEST_BOARDS = 3
+
+Progress = Callable[[str], None]
+
+
+def refine(
+    corner_set: CornerSet,
+    *,
+    reference: str,
+    mirrored: bool = False,
+    kernel: str = "se",
+    trend: str = "auto",
+    progress: Progress | None = None,
+) -> JointResult:
+    """The camera that all boards of ``corner_set`` determine together.
+
+    ``reference`` is the name of the view whose board fixes the camera's frame, ``mirrored`` says that the
+    image is a reflection (lattices are then left-handed in it), ``kernel`` and ``trend`` are names of the
+    registries. ``progress`` is called with one line a stage. Raises InputError for names that are not known,
+    CalibrationError where the corners do not determine a camera.
+    """
+    say = progress or (lambda _: None)
+    density, scales = density_named(kernel)
+    families = families_named(trend)
+    views, unusable = usable_views(corner_set.views, corner_set.board, mirrored)
+    _check(reference, views, unusable)
+    frame = image_frame(corner_set.image_size, mirrored)
+    everything = observations(views, corner_set.board, frame)
+    setting = Setting(
+        density, scales, board_shape(corner_set.board), frame.half_size, SHORTEST * _spacing(everything)
+    )
+    first = first_solution(setting, everything)
+    say(f"start: residuals of {first.noise * frame.scale:.3g} px")
+    seen, known = screen(setting, first, everything)
+    tried = []
+    for candidate in candidates(setting, families, known, seen):
+        say(f"trend {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
+        tried.append(candidate)
+    best = _best(tried, trend)
+    setting = replace(setting, shape=best_shape(setting, best))
+    cleaned = clean(setting, best, seen, everything)
+    _check(reference, [v for v in views if v.name in cleaned.seen.names], {**unusable, **cleaned.misfits})
+    say(f"noise {cleaned.settled.hyperparameters.noise * frame.scale:.4g} px with trend {best.name}")
+    evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in tried)
+    return _result(corner_set, cleaned, everything, frame, reference, kernel, evidences, unusable)
+
+
+def _check(reference: str, views: list[Corners], unusable: Mapping[str, str]) -> None:
+    if reference in unusable:
+        raise CalibrationError(
+            f"the reference '{reference}' cannot be used ({unusable[reference]}): choose another reference"
+        )
+    if reference not in {view.name for view in views}:
+        raise CalibrationError(
+            f"the reference '{reference}' is not among the views: choose another reference"
+        )
+    if len(views) < FEWEST_BOARDS:
+        raise CalibrationError(
+            f"{len(views)} boards can be used, the joint refinement needs {FEWEST_BOARDS} or more: "
+            "take more photographs"
+        )
+
+
+def _spacing(seen: Observations) -> float:
+    """Typical distance between neighbouring corners of one board, normalised."""
+    nearest = [cKDTree(seen.image[rows]).query(seen.image[rows], k=2)[0][:, 1] for rows in seen.slices()]
+    return float(np.median(np.concatenate(nearest)))
+
+
+def _per_px(log_evidence: float, seen: Observations, frame: ImageFrame) -> float:
+    """The log evidence as a density of corners in px."""
+    return log_evidence - seen.image.size * float(np.log(frame.scale))
+
+
+def _best(tried: list[Candidate], trend: str) -> Candidate:
+    """The highest evidence; a process has to be worth its two parameters."""
+    if not tried:
+        raise CalibrationError(
+            f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"
+        )
+    return max(tried, key=lambda c: c.log_evidence - (WORTH if len(c.hyperparameters.kernel) else 0.0))
+
+
+def _result(
+    corner_set: CornerSet,
+    cleaned: Cleaned,
+    everything: Observations,
+    frame: ImageFrame,
+    reference: str,
+    kernel: str,
+    evidences: tuple[tuple[str, float], ...],
+    unusable: Mapping[str, str],
+) -> JointResult:
+    settled, seen = cleaned.settled, cleaned.seen
+    middle = lattice_middle(corner_set.board)
+    plane_map = joint_map(settled, frame, seen.names.index(reference), middle)
+    hyper = settled.hyperparameters
+    noise_px = hyper.noise * frame.scale
+    residuals = {name: r * frame.scale * frame.signs for name, r in cleaned.residuals.items()}
+    kernel_px = tuple(float(value) * frame.scale for value in np.exp(hyper.kernel))
+    return JointResult(
+        camera=camera_of(plane_map, seen, corner_set.image_size, noise_px),
+        intrinsics_covariance=intrinsics_covariance(plane_map),
+        poses=poses_of(settled, seen, plane_map),
+        residuals=residuals,
+        inliers=cleaned.inliers,
+        dropped={**unusable, **cleaned.misfits},
+        noise_px=noise_px,
+        kernel=kernel,
+        trend=settled.model.trend.name,
+        candidates=evidences,
+        kernel_px=kernel_px,
+        shape=shape_of(settled, lattice(corner_set.board) - middle),
+        log_evidence=_per_px(settled.log_evidence, seen, frame),
+    )

@@ -1,0 +1,151 @@
+"""What the joint refinement hands over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from pinholify.arrays import Bools, Floats
+from pinholify.camera import Domain, VirtualCamera
+from pinholify.charts import AngleChart, Intrinsics
+from pinholify.geometry import Pose, convex_hull
+from pinholify.refinement.maps import JointMap
+from pinholify.refinement.observations import ImageFrame, Observations
+from pinholify.refinement.settle import Settled
+
+DOMAIN_STD = 5.0  # standard deviations of a corner's noise, beyond which the map is not believed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """How the board differs from a flat lattice of squares.
+
+    ``bow`` is the largest height difference over the board in squares, None where the data prefer a flat
+    board; ``stretch`` is how much longer a square is along y than along x, a fraction, None where they prefer
+    squares. ``height`` (corners of the board,) in squares by id, away from the camera positive.
+    """
+
+    bow: float | None
+    stretch: float | None
+    height: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointResult:
+    """A camera found from all boards together.
+
+    ``intrinsics_covariance`` (3, 3) is that of (f, uc, vc) in squares. ``poses`` are ``camera_from_board`` by
+    view name, in squares, in the camera's frame. ``residuals`` (n, 2) px and ``inliers`` (n,) stand beside
+    the corners of each view that was used; a residual is nan where the camera sees nothing. ``dropped`` says
+    which views were not used, and why; ``dropped_corners`` how many corners of a used view were.
+    ``candidates`` are the trends tried (``+gp`` with the process) with their log evidence per squared px;
+    ``kernel_px`` is (σ_f, length scales) in px, empty where the evidence switched the process off.
+    """
+
+    camera: VirtualCamera
+    intrinsics_covariance: Floats
+    poses: Mapping[str, Pose]
+    residuals: Mapping[str, Floats]
+    inliers: Mapping[str, Bools]
+    dropped: Mapping[str, str]
+    noise_px: float
+    kernel: str
+    trend: str
+    candidates: tuple[tuple[str, float], ...]
+    kernel_px: tuple[float, ...]
+    shape: Shape
+    log_evidence: float
+
+    @property
+    def intrinsics_std(self) -> Floats:
+        """Standard deviations of (f, uc, vc), squares, (3,)."""
+        return np.sqrt(np.diag(self.intrinsics_covariance))
+
+    @property
+    def dropped_corners(self) -> dict[str, int]:
+        """How many corners of each used view were found wrong, where any was."""
+        return {name: int((~mask).sum()) for name, mask in self.inliers.items() if not mask.all()}
+
+
+def joint_map(settled: Settled, frame: ImageFrame, reference: int, middle: Floats) -> JointMap:
+    """The map of the finished solve, with the covariance of all it rests on."""
+    state = settled.solution.state
+    return JointMap(
+        frame,
+        settled.model.trend,
+        state.beta,
+        settled.model.basis,
+        state.weights,
+        state.rotations[reference],
+        state.translations[reference],
+        middle,
+        covariance_root(settled, reference),
+    )
+
+
+def covariance_root(settled: Settled, board: int) -> Floats:
+    """A root (D' + 6, r) of the posterior covariance of weights, β and the pose of ``board``; η is summed
+    over.
+    """
+    noise, precision, equations = settled.hyperparameters.noise, settled.precision, settled.equations
+    scale = precision**-0.5
+    whitened = equations.matrix * (scale[:, None] * scale / noise**2)
+    whitened[np.diag_indices(len(scale))] += 1.0
+    globals_root = (
+        scale[:, None]
+        * solve_triangular(np.linalg.cholesky(whitened), np.eye(len(scale)), lower=True, check_finite=False).T
+    )
+    back = equations.inverse_roots[board].T
+    pose = np.concatenate([-back @ (equations.cross[board] @ globals_root), noise * back], axis=1)
+    kept = len(scale) - len(settled.model.shape.prior_std)
+    widened = np.concatenate([globals_root[:kept], np.zeros((kept, 6))], axis=1)
+    return np.concatenate([widened, pose])
+
+
+def intrinsics_of(plane_map: JointMap) -> Intrinsics:
+    """K of the camera whose plane is the reference board's (f = its distance)."""
+    x, y, f = plane_map.rotation.T @ plane_map.translation
+    return Intrinsics(float(f), float(plane_map.middle[0] - x), float(plane_map.middle[1] - y))
+
+
+def camera_of(
+    plane_map: JointMap, seen: Observations, image_size: tuple[int, int], noise_px: float
+) -> VirtualCamera:
+    """The virtual camera in the reference board's frame, believed inside the hull of all corners."""
+    frame = plane_map.frame
+    domain = Domain(convex_hull(frame.restore(seen.image)), DOMAIN_STD * noise_px)
+    chart = AngleChart(plane_map.rotation.T)
+    return VirtualCamera(
+        plane_map, chart, intrinsics_of(plane_map), domain, image_size, noise_px, frame.mirrored
+    )
+
+
+def intrinsics_covariance(plane_map: JointMap) -> Floats:
+    """Covariance (3, 3) of (f, uc, vc), squares²."""
+    half = plane_map.intrinsics_features() @ plane_map.root
+    return np.asarray(half @ half.T)
+
+
+def poses_of(settled: Settled, seen: Observations, plane_map: JointMap) -> dict[str, Pose]:
+    """Poses of all boards' lattices in the reference board's frame."""
+    state = settled.solution.state
+    middle = np.append(plane_map.middle, 0.0)
+    turn = plane_map.rotation.T
+    return {
+        name: Pose(turn @ rotation, turn @ (translation - rotation @ middle))
+        for name, rotation, translation in zip(seen.names, state.rotations, state.translations, strict=True)
+    }
+
+
+def shape_of(settled: Settled, lattice: Floats) -> Shape:
+    """The board's shape at its ``lattice`` from the middle."""
+    shape, eta = settled.model.shape, settled.solution.state.eta
+    height = shape.height(eta, lattice)
+    return Shape(
+        float(np.ptp(height)) if shape.bends else None,
+        shape.stretch(eta) if shape.stretches else None,
+        height,
+    )

@@ -1,0 +1,180 @@
+"""A start for the joint solve that needs no luck: a scan over simple lenses, and the poses of all boards in
+closed form.
+
+A simple lens has two numbers: the angle at the image's corners, and how the radius grows with the angle, r ∝
+tan(aθ)/a (pinhole a = 1, stereographic ½, equidistant 0, compressed beyond that). For each, the boards' poses
+come from the directions of their corners by a direct linear transform, which rays beyond 90° do not trouble.
+The lens under which the middle board fits best starts the solve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+from pinholify.charts import angles_to_directions
+from pinholify.errors import CalibrationError
+from pinholify.refinement.candidates import Setting
+from pinholify.refinement.model import Model, State
+from pinholify.refinement.observations import Observations
+from pinholify.refinement.solver import Loss, Solution, minimise
+from pinholify.refinement.trends.fitting import fit_trend
+from pinholify.refinement.trends.radial import angle_lens_distorting
+
+CORNER_ANGLES = np.deg2rad([6, 10, 15, 20, 26, 32, 38, 45, 52, 60, 70, 80, 90, 100, 115])
+SHAPES = (1.0, 0.5, 0.0, -0.7)  # the sign is that of a²
+SCAN_BOARDS = 16
+FEWEST_CORNERS = 6
+MISFIT_RATIO = 5.0  # boards that fit this much worse than the middle one wait until the camera is known
+LENSES = 2  # that the scan hands on
+ROBUST = Loss(None, 3.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SimpleLens:
+    """A radial lens about the image's middle: ``corner_angle`` (radians) at radius 1, and ``shape`` a."""
+
+    corner_angle: float
+    shape: float
+
+    def angle(self, radius: Floats) -> Floats:
+        """θ of normalised ``radius`` (n,); nan where the lens sees nothing."""
+        a, end = abs(self.shape), self.corner_angle
+        with np.errstate(invalid="ignore", divide="ignore"):
+            if self.shape > 0:
+                return np.asarray(np.arctan(radius * np.tan(a * end)) / a)
+            if self.shape < 0:
+                return np.asarray(np.arctanh(radius * np.tanh(a * end)) / a)
+            return radius * end
+
+    def slope(self, radius: Floats) -> Floats:
+        """dr/dθ at ``radius`` (n,): what turns an angle into a distance in the image."""
+        a, end = abs(self.shape), self.corner_angle
+        if self.shape > 0:
+            scale = np.tan(a * end)
+            return np.asarray(a * (1.0 + (radius * scale) ** 2) / scale)
+        if self.shape < 0:
+            scale = np.tanh(a * end)
+            return np.asarray(a * (1.0 - (radius * scale) ** 2) / scale)
+        return np.full(len(radius), 1.0 / end)
+
+    def directions(self, x: Floats) -> Floats:
+        """Unit directions (n, 3) of normalised image points ``x`` (n, 2)."""
+        radius = np.linalg.norm(x, axis=1)
+        return angles_to_directions(x * (self.angle(radius) / np.maximum(radius, 1e-12))[:, None])
+
+
+def simple_lenses() -> list[SimpleLens]:
+    """All lenses of the scan; a pinhole's corner stands at less than 90°."""
+    return [
+        SimpleLens(float(angle), shape)
+        for angle in CORNER_ANGLES
+        for shape in SHAPES
+        if shape <= 0 or shape * angle < 0.9 * np.pi / 2
+    ]
+
+
+def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats, Floats]:
+    """Poses (K, 3, 3), (K, 3) of all boards from the ``directions`` (N, 3) of their corners.
+
+    Direct linear transform: d × (r₁ X + r₂ Y + t) = 0, the sign such that the points lie along the
+    directions, then the nearest rotation. A board of too few corners to tell gets a pose of no use, not an
+    error.
+    """
+    size = float(np.abs(seen.lattice).max())
+    points = np.column_stack([seen.lattice / size, np.ones(len(seen.lattice))])
+    d = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    across = np.eye(3) - d[:, :, None] * d[:, None, :]
+    products = seen.sums(
+        (points[:, :, None] * points[:, None, :])[:, :, None, :, None] * across[:, None, :, None, :]
+    )
+    columns = np.linalg.eigh(products.reshape(-1, 9, 9))[1][:, :, 0].reshape(
+        -1, 3, 3
+    )  # rows: r₁, r₂, t up to scale
+    along = seen.sums(np.einsum("ni,nij,nj->n", points, columns[seen.view], d))
+    columns = columns * np.where(along < 0, -1.0, 1.0)[:, None, None]
+    lengths = np.linalg.norm(columns[:, :2], axis=2).mean(axis=1)[:, None]
+    first, second = columns[:, 0] / lengths, columns[:, 1] / lengths
+    u, _, vt = np.linalg.svd(np.stack([first, second, np.cross(first, second)], axis=2))
+    sign = np.sign(np.linalg.det(u @ vt))
+    u = np.concatenate([u[:, :, :2], u[:, :, 2:] * sign[:, None, None]], axis=2)
+    return u @ vt, columns[:, 2] / lengths * size
+
+
+def board_misfit(lens: SimpleLens, seen: Observations) -> tuple[Floats, Floats, Floats]:
+    """RMS misfit (K,) of each board in normalised image units under ``lens``, and the poses; inf where it
+    sees nothing.
+    """
+    directions = lens.directions(seen.image)
+    blind = ~np.isfinite(directions).all(axis=1)
+    directions[blind] = [0.0, 0.0, 1.0]
+    rotations, translations = poses_of_directions(directions, seen)
+    camera = np.einsum("nij,nj->ni", rotations[seen.view][:, :, :2], seen.lattice) + translations[seen.view]
+    unit = camera / np.linalg.norm(camera, axis=1, keepdims=True)
+    squares = ((unit - directions) ** 2).sum(axis=1) * lens.slope(np.linalg.norm(seen.image, axis=1)) ** 2
+    misfit = np.sqrt(seen.sums(np.where(blind, np.inf, squares)) / seen.sums(np.ones(len(squares))))
+    return misfit, rotations, translations
+
+
+def largest_boards(seen: Observations, most: int) -> Bools:
+    """Which corners (N,) belong to the ``most`` boards that spread widest in the image."""
+    counts = seen.sums(np.ones(len(seen.view)))
+    mean = seen.sums(seen.image) / counts[:, None]
+    spread = seen.sums(((seen.image - mean[seen.view]) ** 2).sum(axis=1)) / counts
+    chosen = np.argsort(-np.where(counts >= FEWEST_CORNERS, spread, -1.0))[:most]
+    return np.isin(seen.view, chosen)
+
+
+def scan(seen: Observations, count: int) -> list[SimpleLens]:
+    """The ``count`` simple lenses under which the middle one of the largest boards fits best, best first.
+
+    Raises CalibrationError where none fits anything.
+    """
+    some = seen.select(largest_boards(seen, SCAN_BOARDS))
+    scores = [(float(np.median(board_misfit(lens, some)[0])), lens) for lens in simple_lenses()]
+    finite = sorted((score for score in scores if np.isfinite(score[0])), key=lambda score: score[0])
+    if not finite:
+        raise CalibrationError(
+            "no lens between telephoto and fisheye explains the corners: look for a wrong board size"
+        )
+    return [lens for _, lens in finite[:count]]
+
+
+def first_solution(setting: Setting, seen: Observations) -> Solution:
+    """All boards under the best of the scan's lenses, refined robustly as a lens with two radial
+    coefficients.
+
+    That trend distorts, so it sees every ray, whatever its parameters. Raises CalibrationError where nothing
+    fits.
+    """
+    model = setting.model(angle_lens_distorting(2))
+    found = [s for lens in scan(seen, LENSES) if (s := _solve_from(model, lens, seen)) is not None]
+    if not found:
+        raise CalibrationError("no camera explains the corners of most boards: look for a wrong board size")
+    best = min(found, key=lambda solution: solution.noise)
+    everybody = reposed(model, best.state, seen)
+    return minimise(model, everybody, seen, model.trend_precision(), ROBUST) or best
+
+
+def _solve_from(model: Model, lens: SimpleLens, seen: Observations) -> Solution | None:
+    misfit, rotations, translations = board_misfit(lens, seen)
+    good = misfit <= MISFIT_RATIO * np.median(misfit)
+    some = seen.select(good[seen.view])
+    beta = fit_trend(model.trend, some.image, lens.directions(some.image))
+    if beta is None:
+        return None
+    eta = np.zeros(len(model.shape.prior_std))
+    state = State(np.zeros((0, 2)), beta, eta, rotations[good], translations[good])
+    return minimise(model, state, some, model.trend_precision(), ROBUST)
+
+
+def reposed(model: Model, camera: State, seen: Observations) -> State:
+    """``camera`` with poses of all boards of ``seen`` by the direct linear transform of their corners'
+    rays."""
+    w = model.basis.undisplaced(camera.weights, seen.image)
+    directions = model.trend.chart.directions(model.trend.ray(camera.beta, w))
+    directions[~np.isfinite(directions).all(axis=1)] = [0.0, 0.0, 1.0]
+    rotations, translations = poses_of_directions(directions, seen)
+    return replace(camera, rotations=rotations, translations=translations)

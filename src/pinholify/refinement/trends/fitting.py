@@ -1,0 +1,79 @@
+"""A trend fitted to known rays: what starts the joint solve of that trend."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from pinholify.arrays import Floats
+from pinholify.charts import angles_to_directions, directions_to_angles
+from pinholify.refinement.trends.base import Trend
+
+STEPS = 25
+ROUGH_NOISE = 1e-3  # normalised image units: what the priors are weighed against
+
+
+def fit_trend(trend: Trend, w: Floats, xyz: Floats) -> Floats | None:
+    """β by least squares in the image for rays ``xyz`` (n, 3) seen at ``w`` (n, 2), Levenberg-Marquardt.
+
+    Rays that the chart does not reach are left out; None where fewer than half remain.
+    """
+    c = trend.chart.coordinates(xyz)
+    reached = np.isfinite(c).all(axis=1)
+    if 2 * reached.sum() < len(c):
+        return None
+    c, w = c[reached], w[reached]
+    beta, precision, damping = trend.start(w, c), (ROUGH_NOISE / trend.prior_std) ** 2, 1e-4
+    at, value = _objective(trend, beta, w, c, precision)
+    for _ in range(STEPS):
+        step = _step(trend, beta, w, c, at, precision, damping)
+        trial_at, trial = _objective(trend, beta + step, w, c, precision)
+        if not trial <= value:
+            damping *= 10.0
+            continue
+        gain, beta, at, value = value - trial, beta + step, trial_at, trial
+        damping /= 10.0
+        if gain < 1e-3 * value:
+            break
+    return beta if np.isfinite(value) else None
+
+
+def levelling_rotation(w: Floats, xyz: Floats) -> Floats:
+    """The rotation (3, 3) after which the image's middle looks along z and the image has no roll there.
+
+    From rays ``xyz`` (n, 3) seen at ``w`` (n, 2), by a quintic through their angles.
+    """
+    powers = np.array([(j, k) for j in range(6) for k in range(6 - j)])
+    monomials = w[:, :1] ** powers[:, 0] * w[:, 1:] ** powers[:, 1]
+    coefficients = np.linalg.lstsq(monomials, directions_to_angles(xyz), rcond=1e-9)[0]
+    tilt = _rotation_to_axis(angles_to_directions(coefficients[:1])[0])
+    coefficients = np.linalg.lstsq(monomials, directions_to_angles(xyz @ tilt.T), rcond=1e-9)[0]
+    slope = coefficients[
+        [np.flatnonzero((powers == p).all(axis=1))[0] for p in ((1, 0), (0, 1))]
+    ]  # rows by u, by v
+    angle = np.arctan2(slope[0, 1] - slope[1, 0], slope[0, 0] + slope[1, 1])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ tilt
+
+
+def _rotation_to_axis(direction: Floats) -> Floats:
+    """The shortest rotation that takes the unit ``direction`` (3,) to z."""
+    x, y, z = direction
+    cross = np.array([[0.0, 0.0, -x], [0.0, 0.0, -y], [x, y, 0.0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + z))
+
+
+def _objective(trend: Trend, beta: Floats, w: Floats, c: Floats, precision: Floats) -> tuple[Floats, float]:
+    at = trend.image(beta, c, w)
+    value = float(((w - at) ** 2).sum() + precision @ beta**2)
+    return at, value if np.isfinite(value) else np.inf
+
+
+def _step(
+    trend: Trend, beta: Floats, w: Floats, c: Floats, at: Floats, precision: Floats, damping: float
+) -> Floats:
+    rows = trend.jacobians(beta, at, c)[1].reshape(-1, len(beta))
+    matrix = rows.T @ rows
+    matrix += np.diag(precision + damping * np.diag(matrix))
+    right = rows.T @ (w - at).ravel() - precision * beta
+    return np.asarray(cho_solve(cho_factor(matrix), right))
