@@ -105,7 +105,7 @@ def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
     """Fits the two edges in each of ``windows``."""
     places = windows.places()
     size = np.array([grey.shape[1], grey.shape[0]]) - 1
-    inside = ((places >= 0) & (places <= size)).all(axis=2)
+    inside = np.asarray(((places >= 0) & (places <= size)).all(axis=2))
     values = sample(grey, places)
     scale = np.linalg.norm(windows.axes, axis=1)
     # Columns: d, e, alpha, beta in units of the window, log of the blur in px.

@@ -12,8 +12,8 @@ from pinholify.arrays import Bools, Floats, Ints
 from pinholify.detection.candidates import Candidates, neighbours
 from pinholify.detection.intensity import Grey
 from pinholify.detection.lattice import Lattice
-from pinholify.detection.prediction import Prediction, predict
-from pinholify.detection.saddle import refine_saddles
+from pinholify.detection.prediction import Prediction, local_frames, predict
+from pinholify.detection.saddle import refine_saddles, saddle_strength
 
 FEWEST = 9
 """Corners below which a lattice is no evidence of a board."""
@@ -100,8 +100,8 @@ class Grower:
         """Saddles fitted at the predicted places, in windows of the predicted scale and shear."""
         frames = WINDOW * expected.jacobian
         inside = _inside(self.grey, expected.uv, frames)
-        known = predict(lattice.index, lattice.uv, lattice.index)
-        usual = np.median(np.abs(refine_saddles(self.grey, lattice.uv, WINDOW * known.jacobian).strength))
+        known, _ = local_frames(lattice.index, lattice.uv)
+        usual = np.median(np.abs(saddle_strength(self.grey, lattice.uv, WINDOW * known)))
         frames[~inside] = np.eye(2)
         saddles = refine_saddles(self.grey, expected.uv, frames)
         strength = saddles.strength * signs(index, lattice.phase)

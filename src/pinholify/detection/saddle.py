@@ -16,12 +16,12 @@ import numpy as np
 from pinholify.arrays import Bools, Floats
 from pinholify.detection.intensity import Grey
 
-SAMPLES = 31
+SAMPLES = 15
 """Grid points along a side of a window."""
 
 ITERATIONS = 8
 
-SETTLED = 5e-3
+SETTLED = 0.01
 """A corner that moves less (px) in one step is left; one that still moves by ten times this is not sound."""
 
 
@@ -106,6 +106,11 @@ def refine_saddles(grey: Grey, uv: Floats, frames: Floats) -> Saddles:
         moved = np.linalg.solve(frames[active], (place[active] - uv[active])[:, :, None])[:, :, 0]
         sound[active] = saddle & (np.abs(moved) < 1.0).all(axis=1)
     return Saddles(place, coefficients[:, 4], residual, sound & (last_step < 10 * SETTLED))
+
+
+def saddle_strength(grey: Grey, uv: Floats, frames: Floats) -> Floats:
+    """The fitted mixed term (N,) of s·t in grey levels at ``uv``, as :class:`Saddles` has it, without moving."""
+    return np.asarray(windows(grey, uv, frames) @ _quadratic_fit()[1][4])
 
 
 def _newton_step(fit: Floats) -> tuple[Floats, Bools]:
