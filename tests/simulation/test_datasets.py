@@ -143,6 +143,16 @@ def test_photographs_come_from_the_seed_alone() -> None:
     assert (other.image != alone.image).any()
 
 
+def test_noise_comes_from_the_seed() -> None:
+    noise = []
+    for seed in (1, 2):
+        noisy = dataclasses.replace(small(DEMO), seed=seed)
+        quiet = dataclasses.replace(DEMO.sensor, read_noise=0.0, shot_noise=0.0)
+        clean = dataclasses.replace(noisy, sensor=quiet)
+        noise.append(next(noisy.photographs(1)).image.astype(int) - next(clean.photographs(1)).image)
+    assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.05
+
+
 def test_photographs_are_named_and_eight_bit() -> None:
     view = list(small(DEMO).photographs(2))[1]
     assert view.name == "demo-01"

@@ -1,5 +1,7 @@
 """Every lens keeps the protocol; each agrees with an independent source of truth where there is one."""
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -123,6 +125,16 @@ def test_brown_conrady_is_opencv(numbers: dict[str, tuple[float, ...]]) -> None:
     assert np.abs(lens.project(points) - oracle).max() < 1e-9
 
 
+def test_brown_conrady_knows_its_own_derivative() -> None:
+    lens = LENSES["rational-prism-tilt"]
+    assert isinstance(lens, BrownConrady)
+    lens = dataclasses.replace(lens, tangential=(0.02, -0.03), thin_prism=(0.01, -0.02, 0.03, 0.015))
+    xy, rows = np.random.default_rng(6).uniform(-0.7, 0.7, (50, 2)), np.arange(50)
+    for axis, step in enumerate(np.eye(2) * 1e-6):
+        numeric = (lens._distort(xy + step, rows)[0] - lens._distort(xy - step, rows)[0]) / 2e-6
+        assert np.abs(lens._distort(xy, rows)[1][:, :, axis] - numeric).max() < 1e-8
+
+
 def test_fisheye_is_opencv() -> None:
     k = (0.03, -0.01, 0.004, -0.0006)
     lens = Fisheye((1600, 1200), 560.0, k, (6.0, -9.0))
@@ -137,6 +149,17 @@ def test_fisheye_sees_behind_itself() -> None:
     uv = lens.project(np.array([[1.0, 0.0, -0.2], [0.0, -3.0, 0.0]]))
     right = 500 * (np.pi / 2 + np.arctan(0.2))
     assert np.allclose(uv, [[799.5 + right, 599.5], [799.5, 599.5 - 250 * np.pi]])
+
+
+def test_a_fisheye_does_not_fold() -> None:
+    """θ(1 - 0.2 θ²) turns back at θ = √(1/0.6)."""
+    lens, turn = Fisheye((1600, 1200), 500.0, (-0.2, 0.0, 0.0, 0.0)), np.sqrt(1 / 0.6)
+    angles = np.array([0.999, 1.001]) * turn
+    inside, outside = lens.project(np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=1))
+    assert np.isfinite(inside).all()
+    assert np.isnan(outside).all()
+    rim = 799.5 + 500 * turn * (1 - 0.2 * turn**2)
+    assert np.isnan(lens.unproject(np.array([[rim + 1, 599.5]])).directions).all()
 
 
 def test_brown_conrady_does_not_fold() -> None:

@@ -26,8 +26,9 @@ def test_two_unknowns_with_constants_of_their_own() -> None:
         jacobian = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
         return (jacobian @ x[:, :, None])[:, :, 0], jacobian
 
-    root = solve(spiral, np.tile([1.0, 0.0], (40, 1)), np.zeros((40, 2)))
-    assert np.allclose(root, np.stack([np.cos(turn), -np.sin(turn)], axis=1))
+    root = solve(spiral, np.tile([1.0, 0.5], (40, 1)), np.zeros((40, 2)), steps=2)
+    c, s = np.cos(turn), np.sin(turn)
+    assert np.allclose(root, np.stack([c + 0.5 * s, 0.5 * c - s], axis=1))
 
 
 def test_no_root_is_nan() -> None:

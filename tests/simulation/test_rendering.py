@@ -133,6 +133,24 @@ def test_a_picture_keeps_its_pixels() -> None:
     assert np.isnan(picture(np.array([[0.9, 0.0], [1.0, 1.1]]))).all()
 
 
+def test_a_charuco_board_as_a_picture() -> None:
+    """Drawn by OpenCV, rendered as a picture on a plane, found by OpenCV where the lens images its lattice."""
+    columns, rows, square = 8, 6, 60
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    target = cv2.aruco.CharucoBoard((columns, rows), 1.0, 0.7, dictionary)
+    drawn = target.generateImage((columns * square, rows * square)).astype(np.float32)[:, :, None] / 255
+    # The drawing's outer edge, half a pixel before its first pixel's centre, is one square before corner (0, 0).
+    half_pixel = 0.5 / square
+    picture = Picture(drawn, square, (half_pixel - 1, half_pixel - 1))
+    lens, board = LENSES["unity-barrel"], Checkerboard(columns - 1, rows - 1)
+    pose = board_poses([lens], board, 1, seed=5, margin=0.07)[0]
+    image = photograph(render(pixel_rays(lens), Scene((Plane(pose, picture),), plain(1.0))), Sensor(blur=0.7))
+    found, ids, *_ = cv2.aruco.CharucoDetector(target).detectBoard(image)
+    truth = true_corners(lens, board, pose)[ids.ravel()]
+    assert len(ids) == (columns - 1) * (rows - 1)
+    assert np.abs((found.reshape(-1, 2) - truth).mean(axis=0)).max() < 0.02
+
+
 @pytest.mark.parametrize("count", [13, 31, 53])
 def test_the_lattice_resolves_both_axes(count: int) -> None:
     steps = (np.arange(count) + 0.5) / count
@@ -183,6 +201,12 @@ def test_jpeg_is_lossy_and_keeps_shape_and_colour() -> None:
 
 def see(lens: Lens, board: Checkerboard, pose: Pose) -> np.ndarray:
     return true_corners(lens, board, pose)
+
+
+def test_steep_poses_still_show_the_front() -> None:
+    lens, board = LENSES["fisheye"], Checkerboard(8, 5)
+    for pose in board_poses([lens], board, 30, seed=1, margin=1e-4, tilt=110.0):
+        assert (lens.unproject(see(lens, board, pose)).directions @ pose.rotation[:, 2]).min() > 0.09
 
 
 @pytest.mark.parametrize("name", ["unity-pincushion", "fisheye", "water", "mirror", "fisheye-mirror"])

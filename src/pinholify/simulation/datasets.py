@@ -56,7 +56,8 @@ class Dataset:
     """``views`` photographs of ``board`` through ``lens`` by ``sensor``; all randomness comes from ``seed``.
 
     The poses suit ``lens`` and all of ``companions``: data sets with the same lenses in this list, in the
-    same order, and the same seed show the same poses. ``reasons`` say why each choice was made.
+    same order, and the same seed show the same poses. ``squares`` are the grey values of the dark and the
+    light squares. ``reasons`` say why each choice was made.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Dataset:
     sensor: Sensor
     seed: int
     reasons: Mapping[str, str]
+    squares: tuple[float, float] = (0.07, 0.9)
     companions: tuple[Lens, ...] = ()
 
     def poses(self) -> tuple[Pose, ...]:
@@ -76,7 +78,8 @@ class Dataset:
     def photographs(self, limit: int | None = None) -> Iterator[Photograph]:
         """The views one at a time, all or the first ``limit`` of them, which are the same either way."""
         rays = pixel_rays(self.lens)
-        texture, background = CheckerboardTexture(self.board), cloudy(0.45, seed=self.seed)
+        dark, light = self.squares
+        texture, background = CheckerboardTexture(self.board, dark=dark, light=light), cloudy(0.45, seed=self.seed)
         for i, pose in enumerate(self.poses()[:limit]):
             picture = render(rays, Scene((Plane(pose, texture),), background))
             image = photograph(picture, self.sensor, (self.seed, i))
@@ -120,6 +123,7 @@ _UNITY_REASONS = {
     "lens": "a field of 88 degrees; the paper gives no numbers: barrel +55 centred, pincushion -40 around a "
     "point left and low, about as strong as its figures show",
     "poses": "the paper's three Unity sets share one scene, so the boards stand alike in all three",
+    "squares": "the engine's black and white materials",
     "blur": "0.6 px: multisampling and the bilinear lookup of the post-processing effect",
     "noise": "none beyond eight bits: a game engine counts no photons",
     "jpeg": "none: screenshots are stored without loss",
@@ -128,19 +132,23 @@ _UNITY_REASONS = {
 _WEBCAM = BrownConrady(
     (2560, 1440), (1700.0, 1702.0), (14.0, -9.0), radial=(-0.08, 0.03, 0.0), tangential=(4e-4, -3e-4)
 )
-_WEBCAM_SENSOR = Sensor(blur=1.1, vignetting=0.25, shot_noise=5.0, read_noise=3.0, jpeg_quality=80)
+_PRINTED = (0.13, 0.72)
+_PRINTED_REASON = "toner reflects an eighth of the light, and automatic exposure leaves room above the paper"
+
+_WEBCAM_SENSOR = Sensor(blur=1.1, vignetting=0.25, shot_noise=8.0, read_noise=5.0, jpeg_quality=80)
 _WEBCAM_REASONS = {
     "lens": "a field of 74 degrees, as usual for a webcam, and mild barrel distortion of a few per cent",
     "blur": "1.1 px: a plastic lens before small pixels, and demosaicing",
     "vignetting": "a quarter of the light is lost in the corners, as small lenses do",
-    "noise": "small pixels in room light: 5 grey levels of shot noise at white, 3 of read noise",
+    "noise": "a webcam in room light turns its gain up: 8 grey levels of shot noise at white, 5 of read noise",
+    "squares": _PRINTED_REASON,
     "jpeg": "quality 80: webcams send motion JPEG of about this quality",
 }
 
 _TELELENS = BrownConrady(
     (2560, 1440), (3400.0, 3404.0), (38.0, -27.0), radial=(0.15, -0.1, 0.0), tangential=(1.5e-3, -1e-3)
 )
-_TELELENS_SENSOR = Sensor(blur=1.8, vignetting=0.45, shot_noise=5.0, read_noise=3.0, jpeg_quality=80)
+_TELELENS_SENSOR = Sensor(blur=1.8, vignetting=0.45, shot_noise=8.0, read_noise=5.0, jpeg_quality=80)
 _TELELENS_REASONS = _WEBCAM_REASONS | {
     "lens": "the webcam's focal length doubled by a clip-on lens: pincushion as telelenses have, and off "
     "centre because it is clipped on by hand",
@@ -149,7 +157,7 @@ _TELELENS_REASONS = _WEBCAM_REASONS | {
 }
 
 _MIRROR = Mirror(Pinhole((971, 871), 1380.0), distance=4.3, a=0.03, b=0.008, radius=4.0, tilt=25.0)
-_MIRROR_SENSOR = Sensor(blur=1.0, vignetting=0.15, shot_noise=4.0, read_noise=2.5)
+_MIRROR_SENSOR = Sensor(blur=1.0, vignetting=0.15, shot_noise=6.0, read_noise=4.0)
 _MIRROR_REASONS = {
     "lens": "a D415's colour camera has 1380 px of focal length and hardly any distortion; 971x871 is a crop",
     "mirror": "squares of 6 cm: a mirror 26 cm before the camera, turned by 25 degrees so that the board can "
@@ -157,7 +165,8 @@ _MIRROR_REASONS = {
     "slope towards the edges: flat in the middle, bulging outwards",
     "blur": "1.0 px: demosaicing, and the mirror's own surface",
     "vignetting": "0.15: the camera's own in the crop's corners",
-    "noise": "a larger sensor than the webcam's: 4 grey levels of shot noise at white, 2.5 of read noise",
+    "noise": "a better camera than the webcam in the same light: 6 and 4 grey levels",
+    "squares": _PRINTED_REASON,
     "jpeg": "none: its viewer stores PNG",
 }
 
@@ -170,10 +179,10 @@ _PAPER = (
     _unity("unity-pinhole", "Unity pinhole", _UNITY[0]),
     _unity("unity-barrel", "Unity barrel", _UNITY[1]),
     _unity("unity-pincushion", "Unity pincushion", _UNITY[2]),
-    Dataset("webcam", "Webcam", _WEBCAM, _WIDE, 11, _WEBCAM_SENSOR, 4, _WEBCAM_REASONS),
+    Dataset("webcam", "Webcam", _WEBCAM, _WIDE, 11, _WEBCAM_SENSOR, 4, _WEBCAM_REASONS, _PRINTED),
     Dataset("webcam-telelens", "Webcam with telelens", _TELELENS, _TALL, 17, _TELELENS_SENSOR, 5,
-            _TELELENS_REASONS),
-    Dataset("mirror", "RealSense with mirror", _MIRROR, _TALL, 26, _MIRROR_SENSOR, 6, _MIRROR_REASONS),
+            _TELELENS_REASONS, _PRINTED),
+    Dataset("mirror", "RealSense with mirror", _MIRROR, _TALL, 26, _MIRROR_SENSOR, 6, _MIRROR_REASONS, _PRINTED),
 )
 
 DATASETS: dict[str, Dataset] = {dataset.name: dataset for dataset in _PAPER}
