@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.arrays import Floats
+from pinholify.arrays import Floats, frozen
 from pinholify.board import Checkerboard
 from pinholify.geometry import Pose
 from pinholify.simulation.lenses import BrownConrady, Lens, Mirror, Pinhole, Resized, Unity
@@ -32,6 +32,11 @@ class Photograph:
     corners: Floats
     pose: Pose
 
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        object.__setattr__(self, "image", frozen(self.image, (None, None), np.uint8))
+        object.__setattr__(self, "corners", frozen(self.corners, (None, 2)))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraTruth:
@@ -49,6 +54,11 @@ class CameraTruth:
     central: bool
     mirrored: bool
     virtual_camera: tuple[float, float, float] | None
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for name, width in (("pixels", 2), ("origins", 3), ("directions", 3)):
+            object.__setattr__(self, name, frozen(getattr(self, name), (len(self.pixels), width)))
 
 
 @dataclass(frozen=True, slots=True)
