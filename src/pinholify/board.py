@@ -56,7 +56,7 @@ class Checkerboard:
                 "count the corners where four squares meet, columns x rows"
             )
         if self.columns > 1000 or self.rows > 1000:
-            raise BoardError(f"a board of {self.columns}x{self.rows} inner corners was asked for; at most 1000x1000 is sensible")
+            raise BoardError(f"a board of {self.columns}x{self.rows} inner corners was asked for; at most 1000x1000")
 
     @property
     def spec(self) -> str:

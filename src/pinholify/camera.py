@@ -137,8 +137,8 @@ def invert(plane_map: PlaneMap, q: Floats, image_size: tuple[int, int], hull: Co
     """
     grid, at_grid, reach = _start_grid(plane_map, image_size, hull)
     uv = plane_map.inverse(q, grid[cKDTree(at_grid).query(q)[1]], reach)
-    near = (np.abs(uv / image_size - 0.5) < 1.5).all(axis=1)
-    return np.where(near[:, None], uv, np.nan)
+    far = np.abs(uv / image_size - 0.5).max(axis=1, initial=0.0, keepdims=True) >= 1.5
+    return np.asarray(np.where(far, np.nan, uv))
 
 
 def _start_grid(

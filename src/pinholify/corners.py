@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +25,7 @@ class Corners:
     name: str
     ids: Ints
     uv: Floats
-    weights: Floats = cast(Floats, None)
+    weights: Floats = None  # type: ignore[assignment]  # all ones; an array once made
     reason: str = ""
     orientation_assumed: bool = False
     ambiguous_offset: bool = False

@@ -80,7 +80,7 @@ def homography_response(h: Floats, source: Floats, whitening: Floats) -> Floats:
     jacobian = np.zeros((len(source), 2, 8))
     jacobian[:, 0, 0:3] = jacobian[:, 1, 3:6] = row
     jacobian[:, :, 6:8] = -mapped[:, :, None] * row[:, None, :2]
-    weighted = (whitening @ jacobian).reshape(-1, 8)
+    weighted: Floats = np.reshape(whitening @ jacobian, (-1, 8))
     scale = np.linalg.norm(weighted, axis=0)
     pseudo = (np.linalg.pinv(weighted / scale) / scale[:, None]).reshape(8, -1, 2)
     response = np.einsum("pni,nij->pnj", pseudo, whitening).reshape(8, -1)
@@ -94,10 +94,10 @@ def _homography_step(h: Floats, p: Floats, q: Floats, weight: Floats) -> Floats:
     jac = np.zeros((len(p), 2, 9))
     jac[:, 0, 0:3] = jac[:, 1, 3:6] = ph / w[:, None]
     jac[:, :, 6:9] = -mapped[:, :, None] * (ph / w[:, None])[:, None, :]
-    jac = (weight @ jac).reshape(-1, 9)
+    weighted: Floats = np.reshape(weight @ jac, (-1, 9))
     residual = (weight @ (q - mapped)[:, :, None]).reshape(-1)
     # The scale of h is free; lstsq's minimum-norm solution leaves it alone.
-    return np.asarray(np.linalg.lstsq(jac, residual, rcond=1e-12)[0].reshape(3, 3))
+    return np.asarray(np.linalg.lstsq(weighted, residual, rcond=1e-12)[0].reshape(3, 3))
 
 
 # --- hulls and lines --------------------------------------------------------------------------------------------

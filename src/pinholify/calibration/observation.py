@@ -129,7 +129,8 @@ def sighting(camera: VirtualCamera, board: MappedBoard) -> Sighting:
 
 def sighting_of(camera: VirtualCamera, lattice: Floats, uv: Floats) -> Sighting:
     """What ``camera`` saw of lattice points (n, 2) at pixels ``uv`` (n, 2)."""
-    return Sighting(lattice, camera.plane_map.value(uv), np.linalg.inv(camera.plane_map.jacobian(uv)))
+    whitening: Floats = np.asarray(np.linalg.inv(camera.plane_map.jacobian(uv)), dtype=np.float64)
+    return Sighting(lattice, camera.plane_map.value(uv), whitening)
 
 
 def locate(camera: VirtualCamera, board: MappedBoard) -> ObservedBoard:

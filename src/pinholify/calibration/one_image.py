@@ -8,7 +8,14 @@ from pinholify.arrays import Bools, Floats
 from pinholify.calibration.observation import MappedBoard, map_boards
 from pinholify.calibration.poses import Sighting, refine_intrinsics
 from pinholify.calibration.result import Calibration
-from pinholify.calibration.zhang import jackknife_std, pose_from_homography, simplified_zhang, solve
+from pinholify.calibration.zhang import (
+    TILT_MORE,
+    jackknife_std,
+    listed,
+    pose_from_homography,
+    simplified_zhang,
+    solve,
+)
 from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import Intrinsics, PlaneChart
 from pinholify.corners import Corners, CornerSet
@@ -47,9 +54,9 @@ def calibrate_one_image(
     std = _intrinsics_std(others, homographies, plane, fitted)
     if not std[0] < LARGEST_RELATIVE_STD * closed.intrinsics.f:
         raise DegenerateError(
-            f"the {len(others)} boards beside the reference do not determine f, uc and vc (f = {closed.intrinsics.f:.3g} ± "
-            f"{std[0]:.2g} squares, singular values {', '.join(f'{s:.2g}' for s in closed.singular_values)}): add "
-            "photographs in which the board is tilted in at least two ways, parallel neither to the reference nor to each other"
+            f"the {len(others)} boards beside the reference do not determine f, uc and vc (f = "
+            f"{closed.intrinsics.f:.3g} ± {std[0]:.2g} squares, singular values "
+            f"{listed(closed.singular_values)}): {TILT_MORE}"
         )
     camera = VirtualCamera(
         fitted.map,
@@ -126,9 +133,10 @@ def _boards_beside_reference(
     others = [b for b in mapped if b.used and b.name != view.name]
     if len(others) < 2:
         raise DegenerateError(
-            f"beside the reference '{view.name}' {len(corner_set.found) - 1} images show the board, {len(others)} of them with "
-            "at least 90 % of its corners inside the reference board's outline; two or more are needed to determine f, uc "
-            "and vc: add photographs of the tilted board, or choose a reference in which it fills more of the frame"
+            f"beside the reference '{view.name}' {len(corner_set.found) - 1} images show the board, {len(others)} of "
+            "them with at least 90 % of its corners inside the reference board's outline; two or more are needed to "
+            "determine f, uc and vc: add photographs of the tilted board, or choose a reference in which it fills more "
+            "of the frame"
         )
     return others
 
@@ -166,12 +174,12 @@ def _intrinsics_std(
     if valid.mean() < 0.9:
         return np.full(3, np.inf)
     common = values[valid].std(axis=0, ddof=1)
-    return common if jackknife is None else np.hypot(common, jackknife)
+    return np.asarray(common if jackknife is None else np.hypot(common, jackknife))
 
 
 def _into_plane(boards: list[MappedBoard], noise: Floats) -> Floats:
     to_plane = np.concatenate([np.linalg.inv(b.whitening) for b in boards])
-    return np.einsum("nij,dnj->dni", to_plane, noise)
+    return np.asarray(np.einsum("nij,dnj->dni", to_plane, noise))
 
 
 __all__ = ["calibrate_one_image", "check_handedness", "reference_view"]

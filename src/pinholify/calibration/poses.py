@@ -57,7 +57,9 @@ def refine_pose(sighting: Sighting, pose: Pose, chart: Chart) -> tuple[Pose, Flo
     cost, damping = float(residual @ residual), 1e-4
     for _ in range(STEPS):
         normal = jacobian.T @ jacobian
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -jacobian.T @ residual)
+        step: Floats = np.asarray(
+            np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -jacobian.T @ residual), dtype=np.float64
+        )
         trial = moved(pose, step)
         trial_residual, trial_jacobian = pose_residuals(sighting, trial, chart)
         trial_cost = float(trial_residual @ trial_residual)

@@ -1,13 +1,12 @@
 """The simplified Zhang's method: K = (f, uc, vc) from homographies in closed form.
 
-B = K⁻ᵀK⁻¹ ∝ [[1, 0, −uc], [0, 1, −vc], [−uc, −vc, uc² + vc² + f²]] has four unknowns up to scale. (The paper prints B with
-zeros below the diagonal and another last entry; B is symmetric.) Each homography H = (h₁ h₂ h₃) from a board to the
-virtual plane gives h₁ᵀB h₂ = 0 and h₁ᵀB h₁ = h₂ᵀB h₂.
+B = K⁻ᵀK⁻¹ ∝ [[1, 0, −uc], [0, 1, −vc], [−uc, −vc, uc² + vc² + f²]] has four unknowns up to scale. (The paper prints B
+with zeros below the diagonal and another last entry; B is symmetric.) Each homography H = (h₁ h₂ h₃) from a board to
+the virtual plane gives h₁ᵀB h₂ = 0 and h₁ᵀB h₁ = h₂ᵀB h₂.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,10 @@ from pinholify.geometry import Pose, nearest_rotation
 
 RANK_TOLERANCE = 1e-6  # σ₃/σ₁ of exact data is either far above or rounding error
 NOISE_RATIO = 4.0  # σ₃ must stand out from σ₄, which exact data would leave at zero
+TILT_MORE = (
+    "add photographs in which the board is tilted in at least two ways, parallel neither to the reference nor to each "
+    "other"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,10 +48,14 @@ def simplified_zhang(homographies: Floats, plane: Floats) -> ClosedForm:
     if len(homographies) < 2 or third < max(RANK_TOLERANCE * singular[0, 0], NOISE_RATIO * fourth) or not valid[0]:
         raise DegenerateError(
             f"the {len(homographies)} boards do not determine f, uc and vc (singular values "
-            f"{', '.join(f'{s:.2g}' for s in singular[0])}: the third must stand out from the fourth): add photographs "
-            "in which the board is tilted in at least two ways, parallel neither to the reference nor to each other"
+            f"{listed(singular[0])}: the third must stand out from the fourth): {TILT_MORE}"
         )
     return closed
+
+
+def listed(singular_values: Floats) -> str:
+    """Singular values as text for a person."""
+    return ", ".join(f"{s:.2g}" for s in singular_values)
 
 
 def solve(homographies: Floats, plane: Floats) -> tuple[Floats, Floats, Bools]:
@@ -90,7 +97,8 @@ def pose_from_homography(homography: Floats, intrinsics: Intrinsics) -> Pose:
     m = np.linalg.solve(intrinsics.matrix, homography)
     m = m * 2.0 / (np.linalg.norm(m[:, 0]) + np.linalg.norm(m[:, 1]))
     m = m if m[2, 2] > 0 else -m
-    return Pose(nearest_rotation(np.column_stack([m[:, 0], m[:, 1], np.cross(m[:, 0], m[:, 1])])), m[:, 2])
+    rotation = nearest_rotation(np.column_stack([m[:, 0], m[:, 1], np.cross(m[:, 0], m[:, 1])]))
+    return Pose(rotation, np.asarray(m[:, 2], dtype=np.float64))
 
 
 def jackknife_std(homographies: Floats, plane: Floats) -> Floats | None:

@@ -98,7 +98,7 @@ def pinhole_lines(camera: VirtualCamera, boards: Sequence[ObservedBoard]) -> Pin
     pixels = pixel_grid(camera)
     virtual = camera.virtual_points(pixels)
     on_boards = np.stack(
-        [o.closed_form.apply(apply_homography(np.linalg.inv(o.board.homography), virtual)) for o in boards], axis=1
+        [o.closed_form.apply(apply_homography(_inverse(o.board.homography), virtual)) for o in boards], axis=1
     )
     rays = camera.to_rays(pixels).directions
     points, lines = [], []
@@ -114,6 +114,10 @@ def pinhole_lines(camera: VirtualCamera, boards: Sequence[ObservedBoard]) -> Pin
     return PinholeLines(tuple(points), anchors, directions, distances)
 
 
+def _inverse(matrix: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
 def pixel_grid(camera: VirtualCamera) -> Floats:
     """About 10 × 10 pixels spread over the camera's domain, (n, 2)."""
     low, high = camera.domain.hull.vertices.min(axis=0), camera.domain.hull.vertices.max(axis=0)
@@ -123,7 +127,8 @@ def pixel_grid(camera: VirtualCamera) -> Floats:
         grid = grid[camera.inside(grid)]
         if len(grid) >= LINES_EACH_WAY**2:
             break
-    return grid[np.linspace(0, len(grid) - 1, min(len(grid), LINES_EACH_WAY**2)).round().astype(int)]
+    chosen = np.linspace(0, len(grid) - 1, min(len(grid), LINES_EACH_WAY**2)).round().astype(int)
+    return np.asarray(grid[chosen])
 
 
 def _robust_line(points: Floats) -> tuple[Floats, Floats]:

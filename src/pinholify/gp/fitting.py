@@ -21,6 +21,8 @@ from pinholify.gp.trends.base import inverse
 ROUNDS = 12
 CONVERGED = 1e-3  # of the noise
 SHORTEST = 4.0  # typical distances between neighbouring points
+LARGEST = 0.01  # of the inputs' extent: what a trend leaves for the GP is small
+TOLERATED_LOSS = 0.1  # nats: linearisation moves the evidence a little even at its maximum
 PRIOR_NOISE = 1e-3  # of the inputs' extent, for the least-squares start alone
 
 
@@ -91,7 +93,7 @@ def _noise_in_inputs(jacobian: Floats, gps: list[GaussianProcess], outputs: Scal
     return float(np.sqrt(((np.linalg.inv(jacobian) * stds) ** 2).sum(axis=(1, 2)).mean() / 2))
 
 
-# --- a trend, and a GP that displaces what it predicts ---------------------------------------------------------------------------------
+# --- a trend, and a GP that displaces what it predicts ----------------------------------------------------------
 
 
 def _fit_trends(
@@ -124,36 +126,51 @@ def _fit_displacement(
     spread = float(np.sqrt((observed.y**2).mean()))
     starts = [Start(max(spread, 1e-6), length, max(spread, 1e-6) / 3) for length in (0.2, 0.6, 1.5)]
     search = SearchRange(
-        std=(1e-7, 10.0), length_scale=(0.02, 20.0), noise_std=(1e-8, 1.0), shortest=SHORTEST * _spacing(x)
+        std=(1e-7, 10.0),
+        length_scale=(0.02, 20.0),
+        noise_std=(1e-8, 1.0),
+        shortest=SHORTEST * _spacing(x),
+        largest=LARGEST,
     )
+    gp = maximise_likelihood(kernel, observed, starts=starts, search=search)
     for _ in range(ROUNDS):
-        gp = maximise_likelihood(kernel, observed, starts=starts, search=search)
-        moved = np.abs(observed.linear.features @ gp.coefficients).max()
-        if moved < CONVERGED * gp.noise_std:
-            return beta, gp
-        halved = _step(trend, beta, gp.coefficients, x, y, relative_noise)
-        if halved is None:
-            return beta, gp
-        beta, observed = halved
-        starts = [Start(gp.kernel.std, float(gp.kernel.length_scale.mean()), gp.noise_std)]
-        kernel = gp.kernel
-    return beta, maximise_likelihood(kernel, observed, starts=starts, search=search)
+        if np.abs(observed.linear.features @ gp.coefficients).max() < CONVERGED * gp.noise_std:
+            break
+        moved = _step(trend, beta, gp, search, Points(x, y, relative_noise))
+        if moved is None:
+            break
+        beta, observed, gp = moved
+    return beta, gp.with_coefficients_zero(observed)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Normalised point pairs and their relative noise."""
+
+    x: Floats
+    y: Floats
+    relative_noise: Floats
+
+
+def _step(
+    trend: Trend, beta: Floats, gp: GaussianProcess, search: SearchRange, points: Points
+) -> tuple[Floats, Data, GaussianProcess] | None:
+    """The longest of the halved Gauss-Newton steps that does not lower the evidence; None where none does."""
+    start = Start(gp.kernel.std, float(gp.kernel.length_scale.mean()), gp.noise_std)
+    for fraction in (1.0, 0.5, 0.25, 0.125):
+        trial = beta + fraction * gp.coefficients
+        observed = _linearised(trend, trial, points.x, points.y, points.relative_noise)
+        if observed is None:
+            continue
+        moved = maximise_likelihood(gp.kernel, observed, starts=[start], search=search)
+        if moved.log_marginal_likelihood > gp.log_marginal_likelihood - TOLERATED_LOSS:
+            return trial, observed, moved
+    return None
 
 
 def _spacing(x: Floats) -> float:
     """Typical distance between neighbouring points."""
     return float(np.median(cKDTree(x).query(x, k=2)[0][:, 1]))
-
-
-def _step(
-    trend: Trend, beta: Floats, step: Floats, x: Floats, y: Floats, relative_noise: Floats
-) -> tuple[Floats, Data] | None:
-    """The longest of the halved steps after which h can still be inverted at all points."""
-    for fraction in (1.0, 0.5, 0.25, 0.125):
-        observed = _linearised(trend, beta + fraction * step, x, y, relative_noise)
-        if observed is not None:
-            return beta + fraction * step, observed
-    return None
 
 
 def _linearised(trend: Trend, beta: Floats, x: Floats, y: Floats, relative_noise: Floats) -> Data | None:

@@ -19,7 +19,8 @@ class SearchRange:
 
     ``shortest`` is a weak prior against length scales that the points cannot resolve, exp(−shortest/l) for each
     (the penalised-complexity prior of Fuglstad et al. 2019). Where there is nothing to find the likelihood is flat,
-    and without it a search may end with a GP that imitates the noise.
+    and without it a search may end with a GP that imitates the noise. ``largest`` is the same paper's prior against
+    a large signal, exp(−std/largest).
     """
 
     std: tuple[float, float] = (1e-4, 1e3)
@@ -27,6 +28,13 @@ class SearchRange:
     noise_std: tuple[float, float] = (1e-6, 1e1)
     shape: tuple[float, float] = (1e-2, 1e4)
     shortest: float = 0.0
+    largest: float = np.inf
+
+    def penalty(self, kernel: Kernel) -> tuple[float, Floats]:
+        """Minus the log prior, and its derivative by the kernel's first log parameters: std and length scales."""
+        scales = self.shortest / kernel.length_scale
+        std = kernel.std / self.largest
+        return float(scales.sum() + std), np.concatenate([[std], -scales])
 
     def log_bounds(self, kernel: Kernel) -> list[tuple[float, float]]:
         """Bounds of the kernel's log parameters and of log noise std, in this order."""
@@ -71,9 +79,9 @@ def maximise_likelihood(
             )
         except np.linalg.LinAlgError:  # no longer positive definite in double precision: not a place to be
             return 1e25, np.zeros_like(parameters)
-        length_scale = trial.length_scale
-        gradient[1 : 1 + len(length_scale)] += search.shortest / length_scale
-        return search.shortest * float((1.0 / length_scale).sum()) - value, -gradient
+        penalty, slope = search.penalty(trial)
+        gradient[: len(slope)] -= slope
+        return penalty - value, -gradient
 
     runs = [
         minimize(loss, np.clip(start.log_parameters(kernel), low, high), jac=True, method="L-BFGS-B", bounds=bounds)

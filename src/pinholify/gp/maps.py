@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats
 from pinholify.gp.regression import GaussianProcess
 from pinholify.gp.trends import Trend
-from pinholify.gp.trends.base import inverse, solve_2x2
-
+from pinholify.gp.trends.base import LONGEST_STEP, inverse, solve_2x2
 
 INVERSE_STEPS = 30
 INVERSE_TOLERANCE = 1e-7  # px
@@ -178,7 +178,7 @@ class DisplacementMap:
         w = self._undisplaced(self.inputs.normalise(uv))
         features = trend_features(self.trend, self.beta, w)
         moves = self.process.noise_response(w, features, draws, rng) * self.inputs.scale
-        return np.einsum("nij,dnj->dni", -self._jacobian_at(w), moves)
+        return np.asarray(np.einsum("nij,dnj->dni", -self._jacobian_at(w), moves))
 
     def _jacobian_at(self, w: Floats) -> Floats:
         inner = np.linalg.inv(np.eye(2) + self.process.jacobian(w))
@@ -189,15 +189,20 @@ class DisplacementMap:
         return np.asarray(w + self.process.mean(w))
 
     def _undisplaced(self, x: Floats) -> Floats:
-        """The w with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
-        w = x - self.process.mean(x)
+        """The w with w + g(w) = ``x`` (n, 2), by Newton's method from the nearest training point."""
+        known = self.process.inputs
+        displaced = self._displaced(known)
+        nearest = cKDTree(displaced).query(x)[1]
+        w = x - displaced[nearest] + known[nearest]
         largest = np.inf
         for _ in range(NEWTON_STEPS):
             error = self._displaced(w) - x
             before, largest = largest, float(np.abs(error).max(initial=0.0))
             if largest < NEWTON_TOLERANCE or before / 2.0 < largest < NEWTON_ROUNDING:
                 break
-            w = w - solve_2x2(np.eye(2) + self.process.jacobian(w), error)
+            step = solve_2x2(np.eye(2) + self.process.jacobian(w), error)
+            length = np.linalg.norm(step, axis=1, keepdims=True)
+            w = w - np.nan_to_num(step * np.minimum(1.0, LONGEST_STEP / np.maximum(length, 1e-300)))
         return np.asarray(w)
 
 

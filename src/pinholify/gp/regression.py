@@ -7,7 +7,7 @@ variance count what is not known of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
@@ -64,7 +64,7 @@ class GaussianProcess:
     def variance(self, x: Floats) -> Floats:
         """Posterior variance of g at ``x`` (q, d), the linear part taken as known, the same for each output: (q,)."""
         half = solve_triangular(self.cholesky, self.kernel.covariance(self.inputs, x), lower=True)
-        return np.maximum(self.kernel.std**2 - (half**2).sum(axis=0), 0.0)
+        return np.asarray(np.maximum(self.kernel.std**2 - (half**2).sum(axis=0), 0.0))
 
     def covariance(self, x: Floats, features: Floats) -> Floats:
         """Posterior covariance of g + F c between the outputs at each of ``x`` (q, d): (q, m, m).
@@ -79,6 +79,11 @@ class GaussianProcess:
         half = half.reshape(features.shape[2], len(self.weights), len(x))
         linear = np.einsum("paq,pbq->qab", half, half)
         return np.asarray(linear + self.variance(x)[:, None, None] * np.eye(len(self.weights)))
+
+    def with_coefficients_zero(self, observed: Data) -> GaussianProcess:
+        """The same process when the linear part is exactly zero: g alone answers for the targets ``observed``."""
+        weights = cho_solve((self.cholesky, True), observed.y).T
+        return replace(self, weights=weights, coefficients=np.zeros_like(self.coefficients))
 
     def noise_response(self, x: Floats, features: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """How the mean of g + F c at ``x`` (q, d) would move had the targets other noise: (draws, q, m)."""
@@ -130,14 +135,14 @@ def _solve(kernel: Kernel, noise_std: float, observed: Data, covariance: Floats)
     p = len(linear.mean)
     noisy = covariance.copy()
     noisy[np.diag_indices(n)] += (noise_std * observed.relative_noise) ** 2
-    cholesky = np.linalg.cholesky(noisy)
+    cholesky: Floats = np.asarray(np.linalg.cholesky(noisy), dtype=np.float64)
     solved_targets = cho_solve((cholesky, True), y, check_finite=False).T
     if not p:
         return _plain(kernel, noise_std, observed, cholesky, solved_targets)
     solved_features = np.stack([cho_solve((cholesky, True), f, check_finite=False) for f in linear.features])
     precision = np.diag(linear.std**-2.0) + np.einsum("mnp,mnq->pq", linear.features, solved_features)
     right = linear.mean * linear.std**-2.0 + np.einsum("mnp,mn->p", linear.features, solved_targets)
-    precision_factor = np.linalg.cholesky(precision)
+    precision_factor: Floats = np.asarray(np.linalg.cholesky(precision), dtype=np.float64)
     coefficients = cho_solve((precision_factor, True), right)
     residual = y.T - linear.features @ coefficients
     weights = solved_targets - solved_features @ coefficients
@@ -165,7 +170,8 @@ def _plain(
 ) -> GaussianProcess:
     """The common case without a linear part, where nothing of it need be computed."""
     n, m = observed.y.shape
-    likelihood = -0.5 * float((observed.y.T * weights).sum()) - m * (np.log(np.diag(cholesky)).sum() + 0.5 * n * LOG_2PI)
+    misfit = float((observed.y.T * weights).sum())
+    likelihood = -0.5 * misfit - m * (np.log(np.diag(cholesky)).sum() + 0.5 * n * LOG_2PI)
     return GaussianProcess(
         kernel,
         noise_std,

@@ -72,7 +72,7 @@ def _writable(path: Path) -> Path:
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Raise OutputError where :func:`atomic_path` would, before the work whose result is to be written; leaves no trace."""
+    """Raise OutputError where :func:`atomic_path` would, before the work whose result is to be written."""
     with suppress(_Unused), atomic_path(path):
         raise _Unused
 

@@ -20,7 +20,7 @@ MARGIN = 0.05  # of the image: how far outside it a map is still followed, so th
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RectificationMap:
-    """``uv`` (height, width, 2) float32: pixels of the original for those of ``view``; ``valid`` (height, width) bool."""
+    """``uv`` (height, width, 2) float32: pixels of the original for ``view``'s; ``valid`` (height, width) bool."""
 
     view: View
     uv: NDArray[np.float32]
@@ -33,7 +33,7 @@ def rectification_map(camera: VirtualCamera, view: View, *, max_std: float | Non
     uv = expand(
         lambda pixels: camera.project(view.directions(pixels)),
         view.size,
-        wanted=lambda values: ((values > -margin) & (values < size + margin)).all(axis=-1),
+        wanted=lambda values: np.asarray(((values > -margin) & (values < size + margin)).all(axis=-1)),
     )
     source = source_mask(camera, max_std).astype(np.uint8)
     valid = cv2.remap(source, np.nan_to_num(uv, nan=-1.0), None, cv2.INTER_NEAREST, borderValue=0)

@@ -34,7 +34,7 @@ class Kernel(ABC):
     @property
     def log_parameters(self) -> Floats:
         """Logarithms of all parameters: σ, then the length scales, then any of the subclass."""
-        return np.log(np.concatenate([[self.std], self.length_scale]))
+        return np.asarray(np.log(np.concatenate([[self.std], self.length_scale])))
 
     def with_log_parameters(self, log_parameters: Floats) -> Self:
         """The same kernel with other parameters, in the order of :attr:`log_parameters`."""

@@ -1,4 +1,4 @@
-"""The rational quadratic kernel: a mixture of squared exponentials of many length scales (Rasmussen & Williams, 4.19)."""
+"""The rational quadratic kernel: squared exponentials of many length scales mixed (Rasmussen & Williams, 4.19)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class RationalQuadratic(Kernel):
     @property
     def log_parameters(self) -> Floats:
         """log of σ, the length scales, α."""
-        return np.log(np.concatenate([[self.std], self.length_scale, [self.alpha]]))
+        return np.asarray(np.log(np.concatenate([[self.std], self.length_scale, [self.alpha]])))
 
     def with_log_parameters(self, log_parameters: Floats) -> Self:
         """The same kernel with other parameters."""

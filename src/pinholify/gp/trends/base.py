@@ -11,7 +11,6 @@ import numpy as np
 
 from pinholify.arrays import Bools, Floats
 
-
 LONGEST_STEP = 0.3
 FARTHEST = 10.0
 
@@ -76,4 +75,4 @@ def solve_2x2(matrix: Floats, right: Floats) -> Floats:
     (a, b), (c, d) = matrix.transpose(1, 2, 0)
     p, q = right.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.stack([d * p - b * q, a * q - c * p], axis=1) / (a * d - b * c)[:, None]
+        return np.asarray(np.stack([d * p - b * q, a * q - c * p], axis=1) / (a * d - b * c)[:, None])

@@ -42,7 +42,8 @@ class Polynomial:
 
     def start(self, x: Floats, y: Floats) -> Floats:
         """The least-squares polynomial, held by the prior."""
-        basis = np.concatenate([self._monomials(x, 0, 0), 1e-6 * np.diag(1.0 / self.prior_std[: len(self._exponents[0])])])
+        held = 1e-6 * np.diag(1.0 / self.prior_std[: len(self._exponents[0])])
+        basis = np.concatenate([self._monomials(x, 0, 0), held])
         target = np.concatenate([y, np.zeros((basis.shape[1], 2))])
         return np.asarray(np.linalg.lstsq(basis, target, rcond=None)[0].T.ravel())
 

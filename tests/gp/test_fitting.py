@@ -1,0 +1,101 @@
+"""Learnt maps: accuracy, uncertainty by Monte Carlo, and the choice of the trend."""
+
+import numpy as np
+import pytest
+
+from pinholify.gp.fitting import fit_map
+from pinholify.gp.kernels import KERNELS
+
+LATTICE = np.stack(np.meshgrid(np.arange(15.0), np.arange(9.0)), -1).reshape(-1, 2)
+CENTRE = np.array([960.0, 600.0])
+NOISE = 0.1
+
+
+def barrel(lattice, bumps=0.0):
+    """Pixels of lattice points seen through barrel distortion, and bumps of so many px that no trend knows."""
+    d = (lattice - [7.0, 4.0]) / 8.0
+    bent = d * (1 - 0.08 * (d**2).sum(axis=1, keepdims=True))
+    shift = np.stack([np.sin(5 * d[:, 0]) * np.cos(4 * d[:, 1]), np.cos(4 * d[:, 0] + 1) * np.sin(5 * d[:, 1])], axis=1)
+    return CENTRE + 900.0 * bent + bumps * shift
+
+
+def inside_points():
+    rng = np.random.default_rng(9)
+    return rng.uniform([0.5, 0.5], [13.5, 7.5], (60, 2))
+
+
+def noisy(seed, bumps=0.0):
+    return barrel(LATTICE, bumps) + NOISE * np.random.default_rng(seed).normal(size=LATTICE.shape)
+
+
+def error_px(fitted, lattice, bumps=0.0):
+    uv = barrel(lattice, bumps)
+    error = np.linalg.solve(fitted.map.jacobian(uv), (fitted.map.value(uv) - lattice)[:, :, None])[:, :, 0]
+    return float(np.sqrt((error**2).sum(axis=1).mean()))
+
+
+def test_a_lens_is_chosen_for_a_lens_and_maps_finer_than_the_noise():
+    fitted = fit_map(noisy(0), LATTICE)
+    assert fitted.trend.startswith("lens")
+    assert error_px(fitted, inside_points()) < 0.045
+    assert fitted.noise == pytest.approx(NOISE, rel=0.15)
+    assert dict(fitted.candidates)[fitted.trend] == fitted.log_evidence == max(v for _, v in fitted.candidates)
+
+
+def test_the_gp_finds_what_no_trend_has():
+    with_gp = fit_map(noisy(0, bumps=2.0), LATTICE)
+    assert error_px(with_gp, inside_points(), bumps=2.0) < 0.12
+    assert with_gp.noise == pytest.approx(NOISE, rel=0.25)
+
+
+def test_the_papers_constant_mean_maps_too():
+    fitted = fit_map(noisy(0), LATTICE, trend="constant")
+    assert fitted.trend == "constant"
+    assert error_px(fitted, inside_points()) < 0.2
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_every_kernel_fits(kernel):
+    fitted = fit_map(noisy(0), LATTICE, kernel=kernel, trend="lens:2")
+    assert error_px(fitted, inside_points()) < 0.08
+
+
+@pytest.mark.parametrize("trend", ["constant", "homography", "lens:2", "polynomial:3"])
+def test_jacobian_and_inverse_belong_to_the_map(trend):
+    plane_map = fit_map(noisy(0), LATTICE, trend=trend).map
+    uv, h = barrel(inside_points()), 0.3
+    numeric = [(plane_map.value(uv + e) - plane_map.value(uv - e)) / (2 * h) for e in np.eye(2) * h]
+    np.testing.assert_allclose(plane_map.jacobian(uv), np.stack(numeric, -1), atol=2e-6)
+    np.testing.assert_allclose(plane_map.inverse(plane_map.value(uv), uv + 3.0, 100.0), uv, atol=2e-3)
+
+
+@pytest.mark.parametrize("trend", ["constant", "lens:2"])
+def test_the_evidence_is_a_density_of_pixels(trend):
+    """The same photograph at twice the resolution has the density of half-size pixels: 2N log 2 less."""
+    uv = noisy(0)
+    once, twice = fit_map(uv, LATTICE, trend=trend), fit_map(2.0 * uv, LATTICE, trend=trend)
+    assert twice.log_evidence == pytest.approx(once.log_evidence - uv.size * np.log(2.0), abs=0.5)
+    assert twice.noise == pytest.approx(2.0 * once.noise, rel=0.02)
+
+
+def test_a_doubted_corner_counts_less():
+    uv = noisy(0)
+    uv[70] += [6.0, -4.0]
+    doubt = np.ones(len(uv))
+    doubt[70] = 100.0
+    assert error_px(fit_map(uv, LATTICE, trend="lens:3", relative_noise=doubt), inside_points()) < 0.045
+    assert error_px(fit_map(uv, LATTICE, trend="lens:3"), inside_points()) > 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("trend", "bumps"), [("lens:3", 0.0), ("lens:3", 1.0)])
+def test_the_predicted_uncertainty_is_the_sampled_one(trend, bumps):
+    """Mean squared error over noise draws against the predicted variance, pooled over the board."""
+    at = inside_points()
+    uv = barrel(at, bumps)
+    squared, predicted = [], []
+    for seed in range(60):
+        plane_map = fit_map(noisy(seed, bumps), LATTICE, trend=trend).map
+        squared.append(((plane_map.value(uv) - at) ** 2).mean())
+        predicted.append(np.trace(plane_map.covariance(uv), axis1=1, axis2=2).mean() / 2)
+    assert np.sqrt(np.mean(predicted) / np.mean(squared)) == pytest.approx(1.0, rel=0.2)

@@ -1,0 +1,55 @@
+"""The virtual camera: there and back, standard deviations, and where to believe it."""
+
+import numpy as np
+import pytest
+
+from conftest import CENTRE, FOCAL, TRUE_F, corner_set, project
+from pinholify.pipeline import calibrate
+
+SQUEEZE = 0.15
+
+
+def pixels():
+    return np.random.default_rng(0).uniform([250, 200], [1670, 1000], (200, 2))
+
+
+@pytest.mark.parametrize("trend", ["constant", "lens:3", "homography", "polynomial:3"])
+def test_pixels_to_rays_and_back(trend):
+    camera = calibrate(corner_set(squeeze=SQUEEZE), reference="view0.png", method="one-image", trend=trend).camera
+    uv = pixels()
+    tolerance = 0.01 if trend == "constant" else 1e-4  # the constant mean's kernel sum rounds
+    np.testing.assert_allclose(camera.project(5.0 * camera.to_rays(uv).directions), uv, atol=tolerance)
+    np.testing.assert_allclose(camera.from_virtual(camera.virtual_points(uv)).points, uv, atol=tolerance)
+
+
+def test_rays_are_the_true_ones(barrel_calibration):
+    """The frame is the reference board's, which here is the true camera's."""
+    camera = barrel_calibration.camera
+    rng = np.random.default_rng(1)
+    points = np.column_stack([rng.uniform(-6, 6, 100), rng.uniform(-3.5, 3.5, 100), np.full(100, TRUE_F)])
+    rays = camera.to_rays(project(points, SQUEEZE))
+    truth = points / np.linalg.norm(points, axis=1, keepdims=True)
+    angle = np.linalg.norm(np.cross(rays.directions, truth), axis=1)
+    assert np.sqrt((angle**2).mean()) * FOCAL < 3.0
+    np.testing.assert_array_equal(rays.origins, 0.0)
+    assert (rays.std_px > 0).all()
+
+
+def test_the_jacobian_of_the_virtual_plane(barrel_calibration):
+    camera, uv, h = barrel_calibration.camera, pixels()[:20], 1e-2
+    numeric = [(camera.virtual_points(uv + e) - camera.virtual_points(uv - e)) / (2 * h) for e in np.eye(2) * h]
+    np.testing.assert_allclose(camera.virtual_jacobian(uv), np.stack(numeric, -1), atol=1e-7)
+
+
+def test_the_std_grows_outside_the_reference_board(barrel_calibration):
+    camera = barrel_calibration.camera
+    at = camera.to_rays(np.array([CENTRE, [3.0, 3.0]])).std_px
+    assert at[1] > 5 * at[0]
+    assert camera.inside(np.array([CENTRE, [3.0, 3.0]])).tolist() == [True, False]
+
+
+def test_what_cannot_be_seen_is_nan(barrel_calibration):
+    camera = barrel_calibration.camera
+    mapped = camera.from_rays(np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    assert np.isnan(mapped.points).any(axis=1).tolist() == [True, True, False]
+    assert np.isnan(mapped.std).any(axis=1).tolist() == [True, True, False]
