@@ -31,7 +31,8 @@ def test_collinearity_does_not_depend_on_place_turn_or_scale():
     rng = np.random.default_rng(0)
     points = LATTICE + 0.01 * rng.normal(size=LATTICE.shape)
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
-    np.testing.assert_allclose(collinearity_errors(LATTICE, points), collinearity_errors(LATTICE, 7 * points @ turn + 3))
+    moved = 7 * points @ turn + 3
+    np.testing.assert_allclose(collinearity_errors(LATTICE, points), collinearity_errors(LATTICE, moved))
 
 
 def test_spacing_is_the_mean_of_both_directions():
@@ -78,7 +79,8 @@ def test_too_few_boards_to_hold_out_are_said(barrel_set, barrel_calibration):
 def test_lines_of_a_pinhole_meet_at_the_origin():
     corners = corner_set(noise=1e-9)
     calibration = calibrate(corners, reference="view0.png", method="one-image", trend="homography")
-    lines = pinhole_lines(calibration.camera, list(evaluate(calibration, corners, compare_opencv=False).observed.values()))
+    observed = evaluate(calibration, corners, compare_opencv=False).observed
+    lines = pinhole_lines(calibration.camera, list(observed.values()))
     assert len(lines.distances) == 100
     assert lines.distances.max() < 1e-6
 

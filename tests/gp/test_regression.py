@@ -102,14 +102,15 @@ def test_a_linear_part_is_a_kernel_of_its_features():
     basis, std = np.column_stack([np.ones(40), x]), np.array([2.0, 1.0, 0.5])
     gp = condition(SquaredExponential(), 0.2, data(x, y[:, None], LinearPart(basis[None], np.zeros(3), std)))
     full = SquaredExponential().covariance(x, x) + basis @ np.diag(std**2) @ basis.T + 0.04 * np.eye(40)
-    sign, logdet = np.linalg.slogdet(full)
+    _, logdet = np.linalg.slogdet(full)
     expected = -0.5 * (y @ np.linalg.solve(full, y) + logdet + 40 * np.log(2 * np.pi))
     assert gp.log_marginal_likelihood == pytest.approx(expected, rel=1e-10)
     at = np.array([[0.2, 0.3], [2.0, -1.0]])
     features = np.column_stack([np.ones(2), at])
     cross = SquaredExponential().covariance(at, x) + features @ np.diag(std**2) @ basis.T
     prior = SquaredExponential().covariance(at, at) + features @ np.diag(std**2) @ features.T
-    np.testing.assert_allclose(gp.mean(at)[:, 0] + features @ gp.coefficients, cross @ np.linalg.solve(full, y), rtol=1e-9)
+    mean = gp.mean(at)[:, 0] + features @ gp.coefficients
+    np.testing.assert_allclose(mean, cross @ np.linalg.solve(full, y), rtol=1e-9)
     variance = np.diag(prior - cross @ np.linalg.solve(full, cross.T))
     np.testing.assert_allclose(gp.covariance(at, features[None])[:, 0, 0], variance, rtol=1e-8)
 

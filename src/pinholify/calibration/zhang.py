@@ -16,7 +16,7 @@ from pinholify.charts import Intrinsics
 from pinholify.errors import DegenerateError
 from pinholify.geometry import Pose, nearest_rotation
 
-RANK_TOLERANCE = 1e-6  # σ₃/σ₁ of exact data is either far above or rounding error
+RANK_TOLERANCE = 1e-7  # a board, of equations whose coefficients are of order one: σ₃ below is rounding error
 NOISE_RATIO = 4.0  # σ₃ must stand out from σ₄, which exact data would leave at zero
 TILT_MORE = (
     "add photographs in which the board is tilted in at least two ways, parallel neither to the reference nor to each "
@@ -45,7 +45,7 @@ def simplified_zhang(homographies: Floats, plane: Floats) -> ClosedForm:
     values, singular, valid = solve(homographies[None], plane)
     closed = ClosedForm(Intrinsics(*(float(x) for x in values[0])), singular[0])
     third, fourth = singular[0, 2:]
-    if len(homographies) < 2 or third < max(RANK_TOLERANCE * singular[0, 0], NOISE_RATIO * fourth) or not valid[0]:
+    if len(homographies) < 2 or third < max(RANK_TOLERANCE * np.sqrt(len(homographies)), NOISE_RATIO * fourth) or not valid[0]:
         raise DegenerateError(
             f"the {len(homographies)} boards do not determine f, uc and vc (singular values "
             f"{listed(singular[0])}: the third must stand out from the fourth): {TILT_MORE}"
