@@ -26,6 +26,9 @@ from pinholify.detection.saddle import sample
 SAMPLES = 27
 ITERATIONS = 6
 
+SETTLED = 0.003
+"""Steps (px) below which the fit is done."""
+
 FIRST_BLUR = 1.0
 """Standard deviation (px) of the edges' blur to start from."""
 
@@ -123,6 +126,8 @@ def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
         step = solution[:, 6:] / strength[:, None]
         shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST, GREATEST)
         spread = 1.4826 * np.median(np.abs(np.where(inside, residual, 0.0)), axis=1) + 1e-3 * np.abs(strength)
+        if (np.abs(step[:, :2]) * scale).max() < SETTLED:
+            break
         ratio = residual / (2 * OUTLIER * spread[:, None])
         weight = np.asarray(inside * np.clip(1 - ratio**2, 0.0, None) ** 2)
     return _crossings(windows, shape, strength, spread, normal, step, scale)

@@ -13,13 +13,16 @@ from pinholify.detection.candidates import Candidates, neighbours
 from pinholify.detection.intensity import Grey
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.prediction import Prediction, local_frames, predict
-from pinholify.detection.saddle import refine_saddles, saddle_strength
+from pinholify.detection.saddle import refine_saddles, saddle_strength, sample
 
 FEWEST = 9
 """Corners below which a lattice is no evidence of a board."""
 
 MOST_SEEDS = 40
 """Seeds tried in one image."""
+
+MOST_REPAIRS = 5
+"""Times that a lattice may lose corners which break it, and grow again."""
 
 SIDES = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
@@ -47,7 +50,10 @@ class Grower:
             if not free[seed] or tried == MOST_SEEDS:
                 continue
             tried += 1
-            lattice = self.grow(_first_cross(self.candidates, links, seed))
+            cross = _first_cross(self.candidates, links, seed)
+            if not bounded(self.grey, cross).all():
+                continue
+            lattice = self.grow(cross)
             if len(lattice) < FEWEST:
                 free[seed] = False
                 continue
@@ -58,18 +64,27 @@ class Grower:
     def grow(self, lattice: Lattice) -> Lattice:
         """``lattice`` with every corner that can be reached from it, without those that break it."""
         banned: set[tuple[int, int]] = set()
-        while True:
-            grown = self._ring(lattice, banned)
-            if len(grown) > len(lattice):
-                lattice = grown
-                continue
+        for _ in range(MOST_REPAIRS):
+            lattice = self._grow(lattice, banned)
+            if len(lattice) < FEWEST:
+                break
             kept = regular(lattice)
             if kept.all():
-                return lattice
-            banned |= {(int(i), int(j)) for i, j in lattice.index[~kept]}
+                break
+            banned |= _pairs(lattice.index[~kept])
             lattice = lattice.select(kept)
-            if len(lattice) < 5:
-                return lattice
+        return lattice
+
+    def _grow(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
+        """``lattice`` with ring after ring of corners that stand at the ends of good edges, none in ``banned``."""
+        while True:
+            grown = self._ring(lattice, banned)
+            kept = bounded(self.grey, grown)
+            banned |= _pairs(grown.index[~kept])
+            grown = grown.select(kept)
+            if len(grown) <= len(lattice):
+                return grown
+            lattice = grown
 
     def _ring(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
         """``lattice`` with the corners found one step, or else two steps, beyond its own."""
@@ -129,6 +144,37 @@ def regular(lattice: Lattice) -> Bools:
     return np.asarray((score <= 1) | ~worst)
 
 
+def bounded(grey: Grey, lattice: Lattice) -> Bools:
+    """Which corners (n,) have black on one side and white on the other of most edges to their neighbours."""
+    good, edges = np.zeros(len(lattice)), np.zeros(len(lattice))
+    rises = [_edge_rises(grey, lattice, step) for step in (SIDES[0], SIDES[1])]
+    usual = np.median(np.concatenate([rise for _, _, rise in rises])) if edges.size else 0.0
+    for start, end, rise in rises:
+        for corner in (start, end):
+            np.add.at(edges, corner, 1.0)
+            np.add.at(good, corner, rise > max(0.3 * usual, 0.0))
+    return np.asarray((good > 0) & (good >= edges / 2))
+
+
+def _edge_rises(grey: Grey, lattice: Lattice, step: Ints) -> tuple[Ints, Ints, Floats]:
+    """For corners one ``step`` apart: their positions (m,) in ``lattice`` and the rise of grey from dark to bright.
+
+    The rise is measured across the middle of the straight line between them, an eighth of its length to each side.
+    """
+    place = {pair: k for k, pair in enumerate(zip(*lattice.index.T.tolist(), strict=True))}
+    di, dj = step.tolist()
+    pairs = [(k, place[i + di, j + dj]) for (i, j), k in place.items() if (i + di, j + dj) in place]
+    start, end = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    along = lattice.uv[end] - lattice.uv[start]
+    # Towards the square that lies down and right of ``start``: below a row's edge, right of a column's.
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1) * (1 if di else -1)
+    length = np.linalg.norm(along, axis=1)[:, None]
+    across *= np.maximum(0.125, 1.5 / np.maximum(length, 1e-9))
+    middle = lattice.uv[start][:, None] + along[:, None] * np.array([0.35, 0.5, 0.65])[:, None]
+    difference = sample(grey, middle + across[:, None]) - sample(grey, middle - across[:, None])
+    return start, end, difference.mean(axis=1) * signs(lattice.index[start], lattice.phase)
+
+
 def _seeds(candidates: Candidates, links: Ints) -> Ints:
     """Candidates with neighbours on all four sides that know them too, the most regular first."""
     complete = np.flatnonzero((links >= 0).all(axis=1))
@@ -149,9 +195,13 @@ def _first_cross(candidates: Candidates, links: Ints, seed: int) -> Lattice:
 
 def _frontier(index: Ints, reach: int, banned: set[tuple[int, int]]) -> Ints:
     """Indices (m, 2) exactly ``reach`` steps along a row or column from a known one, and not yet known."""
-    known = {(int(i), int(j)) for i, j in index}
+    known = _pairs(index)
     around = {(i + reach * int(di), j + reach * int(dj)) for i, j in known for di, dj in SIDES}
     return np.array(sorted(around - known - banned), dtype=np.int64).reshape(-1, 2)
+
+
+def _pairs(index: Ints) -> set[tuple[int, int]]:
+    return {(int(i), int(j)) for i, j in index}
 
 
 def signs(index: Ints, phase: int) -> Floats:

@@ -56,7 +56,7 @@ def predict(known: Ints, uv: Floats, query: Floats | Ints, *, leave_out: bool = 
     offset, place = _nearest(known, uv, np.asarray(query, dtype=np.float64), leave_out=leave_out)
     centre = place.mean(axis=1)
     place = place - centre[:, None]
-    cross = _bending(offset) + TREND  # The query is the origin of its offsets.
+    cross = _bending((offset**2).sum(axis=2)) + TREND  # The query is the origin of its offsets.
     solved = np.linalg.solve(_kernel(offset), np.concatenate([place, cross[:, :, None]], axis=2))
     alpha, weights = solved[:, :, :2], solved[:, :, 2]
     variance = np.maximum(1 + TREND - (cross * weights).sum(axis=1), NUGGET)
@@ -80,7 +80,8 @@ def local_frames(known: Ints, uv: Floats) -> tuple[Floats, Floats]:
     alpha = np.linalg.solve(_kernel(offset), place - place.mean(axis=1, keepdims=True))
     jacobian = _slope(offset, alpha, np.zeros((len(offset), 2)))
     i, j = offset[:, :, 0] / LENGTH_SCALE, offset[:, :, 1] / LENGTH_SCALE
-    curvature = np.stack([i * i - 1, i * j, j * j - 1], axis=2) * _bending(offset)[:, :, None]
+    bending = _bending((offset**2).sum(axis=2))
+    curvature = np.stack([i * i - 1, i * j, j * j - 1], axis=2) * bending[:, :, None]
     return jacobian, alpha.transpose(0, 2, 1) @ curvature / LENGTH_SCALE**2
 
 
@@ -94,21 +95,25 @@ def _nearest(known: Ints, uv: Floats, query: Floats, *, leave_out: bool) -> tupl
     return known[near] - query[:, None], uv[near]
 
 
-def _bending(offset: Floats) -> Floats:
-    return np.asarray(np.exp(-(offset**2).sum(axis=-1) / (2 * LENGTH_SCALE**2)))
+def _bending(squared: Floats) -> Floats:
+    """The squared exponential of squared distances."""
+    return np.asarray(np.exp(squared / (-2 * LENGTH_SCALE**2)))
 
 
 def _kernel(offset: Floats) -> Floats:
     """Covariances (m, k, k) of the known corners at ``offset`` (m, k, 2), in units of the squared amplitude.
     """
-    trend = TREND * (1 + offset @ offset.transpose(0, 2, 1))
-    return _bending(offset[:, :, None] - offset[:, None]) + trend + NUGGET * np.eye(offset.shape[1])
+    products = offset @ offset.transpose(0, 2, 1)
+    own = np.einsum("mkk->mk", products)
+    bending = _bending(own[:, :, None] + own[:, None] - 2 * products)
+    return bending + TREND * (1 + products) + NUGGET * np.eye(offset.shape[1])
 
 
 def _slope(offset: Floats, alpha: Floats, at: Floats) -> Floats:
     """Jacobian (m, 2, 2) of the mean at ``at`` (m, 2) from each query."""
     apart = offset - at[:, None]
-    return alpha.transpose(0, 2, 1) @ (_bending(apart)[:, :, None] * apart / LENGTH_SCALE**2 + TREND * offset)
+    bending = _bending((apart**2).sum(axis=2))[:, :, None]
+    return np.asarray(alpha.transpose(0, 2, 1) @ (bending * apart / LENGTH_SCALE**2 + TREND * offset))
 
 
 def _spacing(offset: Floats, place: Floats, mean: Floats) -> Floats:

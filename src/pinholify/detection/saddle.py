@@ -62,16 +62,17 @@ def _quadratic_fit() -> tuple[Floats, Floats, Floats]:
 def sample(grey: Grey, uv: Floats) -> Floats:
     """Grey levels at ``uv`` (..., 2) px by bilinear interpolation; the border is repeated outside."""
     height, width = grey.shape
-    u = np.clip(uv[..., 0], 0.0, width - 1.0)
-    v = np.clip(uv[..., 1], 0.0, height - 1.0)
-    left = np.minimum(u.astype(np.intp), max(width - 2, 0))
-    top = np.minimum(v.astype(np.intp), max(height - 2, 0))
-    fu, fv = u - left, v - top
+    u = np.clip(uv[..., 0], 0.0, width - 1.0 - 1e-9 * width)
+    v = np.clip(uv[..., 1], 0.0, height - 1.0 - 1e-9 * height)
+    left, top = u.astype(np.intp), v.astype(np.intp)
+    u -= left
+    v -= top
     corner = top * width + left
     flat = grey.ravel()
-    upper = flat[corner] * (1 - fu) + flat[corner + 1] * fu
-    lower = flat[corner + width] * (1 - fu) + flat[corner + width + 1] * fu
-    return np.asarray(upper * (1 - fv) + lower * fv)
+    upper = flat.take(corner) * (1 - u) + flat.take(corner + 1) * u
+    corner += width
+    lower = flat.take(corner) * (1 - u) + flat.take(corner + 1) * u
+    return np.asarray(upper + (lower - upper) * v)
 
 
 def windows(grey: Grey, uv: Floats, frames: Floats) -> Floats:
