@@ -17,9 +17,7 @@ from pinholify.refinement.trends.base import inverse_2x2
 
 BOX = 1.4  # of the image's half size
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-13
-REACH = (
-    4.8  # frequencies kept, in inverse length scales: beyond it the SE density is below 1e-5 of its maximum
-)
+REACH = 4.8  # frequencies kept, in inverse length scales: beyond it the SE density is below 1e-5 of its maximum
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,9 +78,7 @@ class SineBasis:
             count = int(self.order[:, axis].max(initial=0))
             length = self.half_box[axis]
             omega = np.pi * np.arange(1, count + 1) / (2.0 * length)
-            wave = _powers(np.exp(1j * np.pi * (w[:, axis] + length) / (2.0 * length)), count) / np.sqrt(
-                length
-            )
+            wave = _powers(np.exp(1j * np.pi * (w[:, axis] + length) / (2.0 * length)), count) / np.sqrt(length)
             values.append(wave.imag)
             slopes.append(wave.real * omega)
         return (values[0], values[1]), (slopes[0], slopes[1])

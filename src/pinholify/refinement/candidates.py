@@ -9,18 +9,20 @@ solved in full.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
 from pinholify.refinement.basis import SineBasis, no_basis, sine_basis
 from pinholify.refinement.evidence import (
+    Fit,
     Hyperparameters,
     Linearised,
     linearised,
     maximise_evidence,
     posterior,
+    profile_noise,
 )
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.normal import eliminate
@@ -28,13 +30,13 @@ from pinholify.refinement.observations import Observations
 from pinholify.refinement.shape import BoardShape
 from pinholify.refinement.solver import Loss, Solution, minimise
 from pinholify.refinement.spectral import LogDensity
-from pinholify.refinement.trends import Trend
+from pinholify.refinement.trends import Search, Trend
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
 SCREENING_LENGTH_SCALE = 0.2  # the shortest that screening resolves, in half diagonals of the image
 FIRST_LENGTH_SCALE = 0.4
 WORTH = 3.0  # nats that the process must bring for its two parameters
-HOPELESS = 30.0  # nats behind, from where a family cannot win when the best one needs no process
+CONTENDERS, WINDOW = 6, 40.0  # how many of the best get a closer look, and how many nats behind the best
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,18 +74,17 @@ class Candidate:
         """The trend, and ``+gp`` where the process is on."""
         return self.trend.name + ("+gp" if len(self.hyperparameters.kernel) else "")
 
+    @property
+    def score(self) -> float:
+        """What candidates are compared by: a process has to be worth its two parameters."""
+        return self.log_evidence - (WORTH if len(self.hyperparameters.kernel) else 0.0)
 
-def solve_trend(
-    setting: Setting, trend: Trend, known: Solution, seen: Observations, loss: Loss
-) -> Solution | None:
+
+def solve_trend(setting: Setting, trend: Trend, known: Solution, seen: Observations, loss: Loss) -> Solution | None:
     """The joint solve of ``trend`` alone from the rays that ``known`` gives its corners; None where it does
     not fit.
     """
-    turn = (
-        levelling_rotation(known.prediction.undisplaced, known.prediction.camera)
-        if trend.level
-        else np.eye(3)
-    )
+    turn = levelling_rotation(known.prediction.undisplaced, known.prediction.camera) if trend.level else np.eye(3)
     model = setting.model(trend)
     beta = fit_trend(trend, known.prediction.undisplaced, known.prediction.camera @ turn.T)
     if beta is None:
@@ -111,69 +112,44 @@ def linearise_with(model: Model, solution: Solution, basis: SineBasis, seen: Obs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Family:
-    """A family solved at its highest order, linearised with the process; and its orders without process, best
-    first.
-    """
+class Solved:
+    """A search's general trend without process, linearised with it; and the trends within it, best first."""
 
     trend: Trend
     solution: Solution
     problem: Linearised
-    orders: tuple[tuple[int, Candidate], ...]
+    plain: tuple[Candidate, ...]
 
 
-def solve_family(
-    setting: Setting, trends: Sequence[Trend], known: Solution, seen: Observations
-) -> Family | None:
-    """``trends`` of one family, rising in order, without process; None where none fits."""
-    highest = trends[-1]
-    solution = solve_trend(setting, highest, known, seen, Loss())
+def solve(setting: Setting, search: Search, known: Solution, seen: Observations) -> Solved | None:
+    """``search`` without process; None where it does not fit."""
+    solution = solve_trend(setting, search.general, known, seen, Loss())
     if solution is None:
         return None
     basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE)
-    problem = linearise_with(setting.model(highest), solution, basis, seen)
-    plain = problem.without_process()
-    found = []
-    for trend in trends:
-        removed = _removed(highest, trend.order, plain)
-        start = Hyperparameters(np.empty(0), solution.noise)
-        candidate = _candidate(setting, trend, solution, plain.without(removed), start)
+    problem = linearise_with(setting.model(search.general), solution, basis, seen)
+    alone = problem.without_process()
+    plain = []
+    for trend in search.within:
+        part = alone.without(_removed(search.general, trend, alone))
+        candidate = _candidate(setting, trend, solution, part, profile_noise(part, solution.noise))
         if candidate is not None:
-            found.append((trend.order, candidate))
-    found.sort(key=lambda pair: -pair[1].log_evidence)
-    return Family(highest, solution, problem, tuple(found)) if found else None
+            plain.append(candidate)
+    plain.sort(key=lambda candidate: -candidate.log_evidence)
+    return Solved(search.general, solution, problem, tuple(plain)) if plain else None
 
 
-def with_process(
-    setting: Setting, family: Family, plain: Candidate, start: Hyperparameters
-) -> Candidate | None:
-    """``plain``, an order of ``family``, with the process."""
-    removed = _removed(family.trend, plain.trend.order, family.problem)
-    problem = family.problem.without(removed)
-    return _candidate(setting, plain.trend, family.solution, problem, start)
-
-
-def first_hyperparameters(setting: Setting, noise: float, residual_std: float) -> Hyperparameters:
-    """A start of the search: the process about as strong as what a trend leaves."""
-    kernel = np.log([max(residual_std, noise), *[FIRST_LENGTH_SCALE] * setting.scales])
-    return Hyperparameters(kernel, noise)
-
-
-def _removed(highest: Trend, order: int, problem: Linearised) -> Bools:
-    """Which of the globals an ``order`` lacks."""
+def _removed(general: Trend, trend: Trend, problem: Linearised) -> Bools:
+    """Which of the globals of ``general`` the smaller ``trend`` lacks."""
     removed = np.zeros(len(problem.theta), dtype=bool)
     first = 2 * len(problem.frequencies)
-    kept = highest.kept(order)
+    kept = general.kept(trend)
     removed[first : first + len(kept)] = ~kept
     return removed
 
 
-def _candidate(
-    setting: Setting, trend: Trend, solution: Solution, problem: Linearised, start: Hyperparameters
-) -> Candidate | None:
-    fit = maximise_evidence(
-        problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE
-    )
+def _candidate(setting: Setting, trend: Trend, solution: Solution, problem: Linearised, fit: Fit) -> Candidate | None:
+    """None where the trend is not one to one on the image."""
     best = fit.hyperparameters
     precision = best.precision(setting.density, problem.frequencies, problem.precision)
     theta = problem.theta + posterior(problem, precision, best.noise).delta
@@ -184,26 +160,86 @@ def _candidate(
 
 
 def candidates(
-    setting: Setting, families: dict[str, list[Trend]], known: Solution, seen: Observations
+    setting: Setting, stages: Sequence[Sequence[Search]], known: Solution, seen: Observations
 ) -> Iterator[Candidate]:
-    """Candidates of all families, with and without process, as they are found."""
-    solved = [
-        f for trends in families.values() if (f := solve_family(setting, trends, known, seen)) is not None
-    ]
-    solved.sort(key=lambda family: -family.orders[0][1].log_evidence)
-    best, needed = -np.inf, True
-    for family in solved:
-        plain = family.orders[0][1]
-        yield from (candidate for _, candidate in family.orders)
-        if not needed and plain.log_evidence < best - HOPELESS:
-            continue
-        start = first_hyperparameters(setting, plain.hyperparameters.noise, plain.hyperparameters.noise)
-        for _, order in family.orders:
-            found = with_process(setting, family, order, start)
-            if found is None:
+    """Candidates of all searches, with and without process, as they are found.
+
+    A later stage is solved only where no trend of those before suffices without the process.
+    """
+    sufficient = False
+    for searches in stages:
+        if sufficient:
+            return
+        solved = [solve(setting, search, known, seen) for search in searches]
+        for each in sorted(filter(None, solved), key=lambda one: -one.plain[0].log_evidence):
+            strongest = each.plain[0].log_evidence
+            yield from each.plain
+            if sufficient:
                 continue
+            found = list(_with_process(setting, each))
+            yield from found
+            strongest_with = max((candidate.log_evidence for candidate in found), default=-np.inf)
+            sufficient = sufficient or strongest_with < strongest + WORTH
+
+
+def _with_process(setting: Setting, solved: Solved) -> Iterator[Candidate]:
+    """The best trend of each order with the process; each starts from the one before."""
+    noise = solved.plain[0].hyperparameters.noise
+    start = Hyperparameters(np.log([noise, *[FIRST_LENGTH_SCALE] * setting.scales]), noise)
+    for order in dict.fromkeys(candidate.trend.order for candidate in solved.plain):
+        plain = next(candidate for candidate in solved.plain if candidate.trend.order == order)
+        problem = solved.problem.without(_removed(solved.trend, plain.trend, solved.problem))
+        fit = maximise_evidence(
+            problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE
+        )
+        start = fit.hyperparameters
+        found = _candidate(setting, plain.trend, solved.solution, problem, fit)
+        if found is not None:
             yield found
-            start = found.hyperparameters
-            gain = found.log_evidence - plain.log_evidence
-            needed = needed and (gain > WORTH)
-            best = max(best, found.log_evidence)
+
+
+def contest(setting: Setting, tried: Sequence[Candidate], seen: Observations) -> list[Candidate]:
+    """The best of each of the leading searches after a closer look, best first.
+
+    Far from where it was linearised a trend's evidence is only rough, so each leader is solved for itself and
+    compared with its neighbours anew.
+    """
+    leaders: dict[int, Candidate] = {}
+    for candidate in sorted(tried, key=lambda candidate: -candidate.score):
+        leaders.setdefault(id(candidate.origin), candidate)
+    ranked = list(leaders.values())
+    close = {leader.trend.around(): leader for leader in reversed(ranked) if leader.score > ranked[0].score - WINDOW}
+    some = list(close.values())[-CONTENDERS:]
+    finalists = [found for leader in some if (found := _closer(setting, leader, seen)) is not None]
+    return sorted(finalists, key=lambda candidate: -candidate.score)
+
+
+def _closer(setting: Setting, leader: Candidate, seen: Observations) -> Candidate | None:
+    """The best trend around ``leader``, linearised where that is solved."""
+    search = leader.trend.around()
+    solution = solve_trend(setting, search.general, leader.origin, seen, Loss())
+    if solution is None:
+        return None
+    hyper = leader.hyperparameters
+    basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if len(hyper.kernel) else no_basis(setting.half_size)
+    whole = linearise_with(setting.model(search.general), solution, basis, seen)
+    found = []
+    for trend in search.within:
+        problem = whole.without(_removed(search.general, trend, whole))
+        evidence = posterior(
+            problem, hyper.precision(setting.density, problem.frequencies, problem.precision), hyper.noise
+        )
+        candidate = _candidate(setting, trend, solution, problem, Fit(hyper, evidence.log_evidence))
+        if candidate is not None:
+            found.append(candidate)
+    if not found:
+        return None
+    best = max(found, key=lambda candidate: candidate.log_evidence)
+    fit = (
+        profile_noise(best.problem, hyper.noise)
+        if not len(hyper.kernel)
+        else maximise_evidence(
+            best.problem, setting.density, hyper, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE
+        )
+    )
+    return replace(best, hyperparameters=fit.hyperparameters, log_evidence=fit.log_evidence)

@@ -23,6 +23,7 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 STD_RANGE = (1e-7, 0.3)  # of the process, in normalised image units
 NOISE_RANGE = (1e-8, 0.1)
 LONGEST = 1.0
+NOISE_ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,6 +144,15 @@ class Fit:
     log_evidence: float
 
 
+def profile_noise(at: Linearised, noise: float) -> Fit:
+    """The noise of highest evidence where there is no process, by its fixed point from ``noise``."""
+    for _ in range(NOISE_ROUNDS):
+        found = posterior(at, at.precision, noise)
+        freedom = at.rows - 6 * at.boards - (1.0 - found.shrinkage).sum()
+        noise = max(float(np.sqrt(found.misfit / max(freedom, 1.0))), NOISE_RANGE[0])
+    return Fit(Hyperparameters(np.empty(0), noise), posterior(at, at.precision, noise).log_evidence)
+
+
 def maximise_evidence(
     at: Linearised,
     density: LogDensity,
@@ -159,9 +169,7 @@ def maximise_evidence(
     """
     scales = len(start.kernel) - 1
     bounds = (
-        [STD_RANGE, *[(resolved, max(LONGEST, resolved))] * scales, NOISE_RANGE]
-        if len(start.kernel)
-        else [NOISE_RANGE]
+        [STD_RANGE, *[(resolved, max(LONGEST, resolved))] * scales, NOISE_RANGE] if len(start.kernel) else [NOISE_RANGE]
     )
     low, high = np.log(np.array(bounds)).T
 

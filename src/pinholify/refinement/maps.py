@@ -85,7 +85,9 @@ class JointMap:
         return self.frame.restore(w + self.basis.combine(self.weights, w)[0])
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
-        """Shifts of q (draws, n, 2), to first order: draws of the posterior, where little is left of the prior."""
+        """Shifts of q (draws, n, 2), to first order: draws of the posterior, where little is left of the
+        prior.
+        """
         moved = self.features(uv) @ (self.root @ rng.standard_normal((self.root.shape[1], draws)))
         return np.moveaxis(moved, 2, 0)
 
@@ -101,9 +103,7 @@ class JointMap:
         displaced = -by_image[:, :, :, None] * basis[:, None, None, :]
         directions = angles_to_directions(self._angles(w))
         by_turn = directions_to_angles_jacobian(directions) @ cross_matrices(directions)
-        return np.concatenate(
-            [displaced.reshape(len(w), 2, -1), by_beta, by_turn, np.zeros((len(w), 2, 3))], axis=2
-        )
+        return np.concatenate([displaced.reshape(len(w), 2, -1), by_beta, by_turn, np.zeros((len(w), 2, 3))], axis=2)
 
     def intrinsics_features(self) -> Floats:
         """∂(f, uc, vc)/∂unknowns of :attr:`root`, (3, D + 6)."""

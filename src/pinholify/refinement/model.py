@@ -114,9 +114,7 @@ class Model:
 
     def predict(self, state: State, seen: Observations) -> Prediction:
         """Where ``state`` sees each corner."""
-        turned = np.einsum(
-            "nij,nj->ni", state.rotations[seen.view], self.shape.points(state.eta, seen.lattice)
-        )
+        turned = np.einsum("nij,nj->ni", state.rotations[seen.view], self.shape.points(state.eta, seen.lattice))
         camera = turned + state.translations[seen.view]
         chart = self.trend.chart.coordinates(camera)
         w = self.trend.image(state.beta, chart, seen.image)
@@ -130,6 +128,4 @@ class Model:
         by_eta = by_camera @ state.rotations[seen.view] @ self.shape.jacobian(seen.lattice)
         shared = np.concatenate([at.slope @ by_beta, by_eta], axis=2)
         by_turn = np.cross(at.turned[:, None, :], by_camera)
-        return Linearisation(
-            self.basis.values(at.undisplaced), shared, np.concatenate([by_turn, by_camera], axis=2)
-        )
+        return Linearisation(self.basis.values(at.undisplaced), shared, np.concatenate([by_turn, by_camera], axis=2))

@@ -46,9 +46,7 @@ def eliminate(
     """
     root = np.sqrt(weight)
     basis = linear.basis * root[:, None]
-    shared, pose, r = (
-        a * root.reshape(-1, *[1] * (a.ndim - 1)) for a in (linear.shared, linear.pose, residual)
-    )
+    shared, pose, r = (a * root.reshape(-1, *[1] * (a.ndim - 1)) for a in (linear.shared, linear.pose, residual))
     matrix, right = _global_blocks(basis, shared, r, damping)
     blocks = seen.sums(np.einsum("nai,naj->nij", pose, pose))
     blocks *= 1.0 + damping * np.eye(6)

@@ -21,9 +21,7 @@ WORST_FRACTION = 0.3  # of a board's corners beyond the limit
 WORST_RATIO = 3.0  # of a board's residuals to those of all
 
 
-def usable_views(
-    views: Iterable[Corners], board: Board, mirrored: bool
-) -> tuple[list[Corners], dict[str, str]]:
+def usable_views(views: Iterable[Corners], board: Board, mirrored: bool) -> tuple[list[Corners], dict[str, str]]:
     """The views that may enter the solve, and the others with the reason."""
     usable, unusable = [], {}
     for view in views:
@@ -37,9 +35,7 @@ def usable_views(
 
 def _unusable(view: Corners, board: Board, mirrored: bool) -> str:
     if len(view) < FEWEST_CORNERS:
-        return (
-            f"{len(view)} corners, {FEWEST_CORNERS} are needed" if view.found else view.reason or "no board"
-        )
+        return f"{len(view)} corners, {FEWEST_CORNERS} are needed" if view.found else view.reason or "no board"
     lattice = view.lattice(board)
     if np.linalg.matrix_rank(lattice - lattice.mean(axis=0), tol=1e-6) < 2:
         return "all corners on one line"

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from pinholify.board import lattice
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
-from pinholify.refinement.candidates import WORTH, Candidate, Setting, candidates
+from pinholify.refinement.candidates import Setting, candidates, contest
 from pinholify.refinement.cleaning import Cleaned, clean, screen
 from pinholify.refinement.observations import (
     ImageFrame,
@@ -33,7 +33,7 @@ from pinholify.refinement.settle import best_shape
 from pinholify.refinement.shape import board_shape
 from pinholify.refinement.spectral import density_named
 from pinholify.refinement.start import first_solution
-from pinholify.refinement.trends import families_named
+from pinholify.refinement.trends import searches_named
 
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
@@ -59,22 +59,27 @@ def refine(
     """
     say = progress or (lambda _: None)
     density, scales = density_named(kernel)
-    families = families_named(trend)
+    stages = searches_named(trend)
     views, unusable = usable_views(corner_set.views, corner_set.board, mirrored)
     _check(reference, views, unusable)
     frame = image_frame(corner_set.image_size, mirrored)
     everything = observations(views, corner_set.board, frame)
-    setting = Setting(
-        density, scales, board_shape(corner_set.board), frame.half_size, SHORTEST * _spacing(everything)
-    )
+    setting = Setting(density, scales, board_shape(corner_set.board), frame.half_size, SHORTEST * _spacing(everything))
     first = first_solution(setting, everything)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
     seen, known = screen(setting, first, everything)
     tried = []
-    for candidate in candidates(setting, families, known, seen):
+    for candidate in candidates(setting, stages, known, seen):
         say(f"trend {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
         tried.append(candidate)
-    best = _best(tried, trend)
+    finalists = contest(setting, tried, seen)
+    if not finalists:
+        raise CalibrationError(
+            f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"
+        )
+    for candidate in finalists:
+        say(f"  finalist {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
+    best = finalists[0]
     setting = replace(setting, shape=best_shape(setting, best))
     cleaned = clean(setting, best, seen, everything)
     _check(reference, [v for v in views if v.name in cleaned.seen.names], {**unusable, **cleaned.misfits})
@@ -89,9 +94,7 @@ def _check(reference: str, views: list[Corners], unusable: Mapping[str, str]) ->
             f"the reference '{reference}' cannot be used ({unusable[reference]}): choose another reference"
         )
     if reference not in {view.name for view in views}:
-        raise CalibrationError(
-            f"the reference '{reference}' is not among the views: choose another reference"
-        )
+        raise CalibrationError(f"the reference '{reference}' is not among the views: choose another reference")
     if len(views) < FEWEST_BOARDS:
         raise CalibrationError(
             f"{len(views)} boards can be used, the joint refinement needs {FEWEST_BOARDS} or more: "
@@ -108,15 +111,6 @@ def _spacing(seen: Observations) -> float:
 def _per_px(log_evidence: float, seen: Observations, frame: ImageFrame) -> float:
     """The log evidence as a density of corners in px."""
     return log_evidence - seen.image.size * float(np.log(frame.scale))
-
-
-def _best(tried: list[Candidate], trend: str) -> Candidate:
-    """The highest evidence; a process has to be worth its two parameters."""
-    if not tried:
-        raise CalibrationError(
-            f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"
-        )
-    return max(tried, key=lambda c: c.log_evidence - (WORTH if len(c.hyperparameters.kernel) else 0.0))
 
 
 def _result(

@@ -111,16 +111,12 @@ def intrinsics_of(plane_map: JointMap) -> Intrinsics:
     return Intrinsics(float(f), float(plane_map.middle[0] - x), float(plane_map.middle[1] - y))
 
 
-def camera_of(
-    plane_map: JointMap, seen: Observations, image_size: tuple[int, int], noise_px: float
-) -> VirtualCamera:
+def camera_of(plane_map: JointMap, seen: Observations, image_size: tuple[int, int], noise_px: float) -> VirtualCamera:
     """The virtual camera in the reference board's frame, believed inside the hull of all corners."""
     frame = plane_map.frame
     domain = Domain(convex_hull(frame.restore(seen.image)), DOMAIN_STD * noise_px)
     chart = AngleChart(plane_map.rotation.T)
-    return VirtualCamera(
-        plane_map, chart, intrinsics_of(plane_map), domain, image_size, noise_px, frame.mirrored
-    )
+    return VirtualCamera(plane_map, chart, intrinsics_of(plane_map), domain, image_size, noise_px, frame.mirrored)
 
 
 def intrinsics_covariance(plane_map: JointMap) -> Floats:

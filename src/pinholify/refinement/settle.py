@@ -61,9 +61,7 @@ def best_shape(setting: Setting, candidate: Candidate) -> BoardShape:
     return max(evidences, key=lambda pair: pair[0])[1]
 
 
-def settle(
-    setting: Setting, candidate: Candidate, seen: Observations, known: Solution | None = None
-) -> Settled:
+def settle(setting: Setting, candidate: Candidate, seen: Observations, known: Solution | None = None) -> Settled:
     """``candidate``'s trend with ``setting``'s shape, solved with its process from its origin, or from
     ``known``.
 
@@ -96,9 +94,7 @@ def settle(
             resolved = _resolved(hyperparameters)
     frequencies = settled.model.basis.frequencies
     precision = hyperparameters.precision(setting.density, frequencies, settled.problem.precision)
-    return replace(
-        settled, hyperparameters=hyperparameters, log_evidence=fit.log_evidence, precision=precision
-    )
+    return replace(settled, hyperparameters=hyperparameters, log_evidence=fit.log_evidence, precision=precision)
 
 
 def _narrowed(setting: Setting, origin: Solution) -> Solution:

@@ -43,9 +43,7 @@ class BoardShape:
 
     def smaller(self) -> list[BoardShape]:
         """All families within this one, itself first and the flat square board last."""
-        pairs = [
-            (b, s) for b in (True, False) for s in (True, False) if b <= self.bends and s <= self.stretches
-        ]
+        pairs = [(b, s) for b in (True, False) for s in (True, False) if b <= self.bends and s <= self.stretches]
         return [replace(self, bends=b, stretches=s) for b, s in pairs]
 
     def points(self, eta: Floats, lattice: Floats) -> Floats:

@@ -19,6 +19,7 @@ from pinholify.refinement.observations import Observations
 FIRST_DAMPING = 1e-5
 LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6
 TRUSTED_DAMPING = 1e-2  # a small gain under a stronger damping is no sign of convergence
+LEAST_NOISE = 1e-9  # normalised image units
 RAYLEIGH_MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))  # of a residual's length, in standard deviations per axis
 
 
@@ -76,16 +77,17 @@ class _Problem:
     poses_only: bool
 
     def at(self, state: State, noise: float | None = None) -> Solution | None:
-        """The objective at ``state``, with the loss's own noise unless given; None where it has none."""
+        """The objective at ``state`` for ``noise``, or for the loss's own; None where it has none."""
         prediction = self.model.predict(state, self.seen)
-        if not prediction.valid:
-            return None
+        return self.measured(state, prediction, noise) if prediction.valid else None
+
+    def measured(self, state: State, prediction: Prediction, noise: float | None = None) -> Solution:
+        """The objective of a valid ``prediction`` for ``noise``, or for the loss's own."""
         length = lengths(prediction.residual, self.seen.weight)
-        noise = noise or self.loss.std or max(robust_scale(length), 1e-9)
+        noise = noise or self.loss.std or max(robust_scale(length), LEAST_NOISE)
         misfit = huber_loss(length / noise, self.loss.huber).sum()
-        return Solution(
-            self.model, state, prediction, 0.5 * float(misfit + self.precision @ state.globals**2), noise
-        )
+        objective = 0.5 * float(misfit + self.precision @ state.globals**2)
+        return Solution(self.model, state, prediction, objective, noise)
 
     def step(self, here: Solution, linear: Linearisation, damping: float) -> Solution | None:
         """The damped Gauss-Newton step; None where it leads out of the model."""
@@ -132,7 +134,7 @@ def minimise(
                 break
             continue
         gain = here.objective - there.objective
-        here = there if loss.std is not None else problem.at(there.state) or there
+        here = problem.measured(there.state, there.prediction)
         if gain < tolerance and damping <= TRUSTED_DAMPING:
             break
         damping = max(damping / 10.0, LEAST_DAMPING)

@@ -20,9 +20,7 @@ def squared_exponential(parameters: Floats, frequencies: Floats) -> tuple[Floats
     scales = np.exp(parameters[1:])
     squares = (frequencies * scales) ** 2
     shared = 2.0 / len(scales)  # how many dimensions share a length scale
-    value = (
-        2.0 * parameters[0] + np.log(2.0 * np.pi) + shared * parameters[1:].sum() - 0.5 * squares.sum(axis=1)
-    )
+    value = 2.0 * parameters[0] + np.log(2.0 * np.pi) + shared * parameters[1:].sum() - 0.5 * squares.sum(axis=1)
     by_scale = shared - (squares if len(scales) == 2 else squares.sum(axis=1, keepdims=True))
     return value, np.column_stack([np.full(len(value), 2.0), by_scale])
 

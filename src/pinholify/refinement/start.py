@@ -20,8 +20,8 @@ from pinholify.refinement.candidates import Setting
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.solver import Loss, Solution, minimise
+from pinholify.refinement.trends import Angles, LensTrend
 from pinholify.refinement.trends.fitting import fit_trend
-from pinholify.refinement.trends.radial import angle_lens_distorting
 
 CORNER_ANGLES = np.deg2rad([6, 10, 15, 20, 26, 32, 38, 45, 52, 60, 70, 80, 90, 100, 115])
 SHAPES = (1.0, 0.5, 0.0, -0.7)  # the sign is that of a²
@@ -87,12 +87,8 @@ def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats,
     points = np.column_stack([seen.lattice / size, np.ones(len(seen.lattice))])
     d = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     across = np.eye(3) - d[:, :, None] * d[:, None, :]
-    products = seen.sums(
-        (points[:, :, None] * points[:, None, :])[:, :, None, :, None] * across[:, None, :, None, :]
-    )
-    columns = np.linalg.eigh(products.reshape(-1, 9, 9))[1][:, :, 0].reshape(
-        -1, 3, 3
-    )  # rows: r₁, r₂, t up to scale
+    products = seen.sums((points[:, :, None] * points[:, None, :])[:, :, None, :, None] * across[:, None, :, None, :])
+    columns = np.linalg.eigh(products.reshape(-1, 9, 9))[1][:, :, 0].reshape(-1, 3, 3)  # rows: r₁, r₂, t up to scale
     along = seen.sums(np.einsum("ni,nij,nj->n", points, columns[seen.view], d))
     columns = columns * np.where(along < 0, -1.0, 1.0)[:, None, None]
     lengths = np.linalg.norm(columns[:, :2], axis=2).mean(axis=1)[:, None]
@@ -149,7 +145,7 @@ def first_solution(setting: Setting, seen: Observations) -> Solution:
     That trend distorts, so it sees every ray, whatever its parameters. Raises CalibrationError where nothing
     fits.
     """
-    model = setting.model(angle_lens_distorting(2))
+    model = setting.model(LensTrend(Angles(), True, 2, tangent=False))
     found = [s for lens in scan(seen, LENSES) if (s := _solve_from(model, lens, seen)) is not None]
     if not found:
         raise CalibrationError("no camera explains the corners of most boards: look for a wrong board size")

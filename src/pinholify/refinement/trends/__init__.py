@@ -3,44 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from pinholify.errors import InputError
-from pinholify.refinement.trends.base import Angles, Plane, RayChart, Trend
-from pinholify.refinement.trends.polynomial import PolynomialTrend
-from pinholify.refinement.trends.radial import (
-    LensTrend,
-    angle_lens,
-    angle_lens_distorting,
-    plane_lens,
-    plane_lens_distorting,
-)
+from pinholify.refinement.trends.base import Angles, Plane, RayChart, Search, Trend
+from pinholify.refinement.trends.polynomial import PolynomialTrend, polynomial_searches
+from pinholify.refinement.trends.radial import LensTrend, lens_searches
 
-TRENDS: dict[str, tuple[Callable[[int], Trend], tuple[int, ...]]] = {
-    "angle": (angle_lens, (1, 2, 3, 4, 5, 6)),
-    "plane": (plane_lens, (0, 1, 2, 3, 4, 5, 6)),
-    "angle-d": (angle_lens_distorting, (1, 2, 3, 4, 5, 6)),
-    "plane-d": (plane_lens_distorting, (1, 2, 3, 4, 5, 6)),
-    "polynomial": (PolynomialTrend, (3, 5, 7)),
+FAMILIES: dict[str, Callable[[int | None], list[Search]]] = {
+    "plane": partial(lens_searches, Plane(), False),
+    "angle": partial(lens_searches, Angles(), False),
+    "plane-d": partial(lens_searches, Plane(), True),
+    "angle-d": partial(lens_searches, Angles(), True),
+    "polynomial": polynomial_searches,
 }
-"""Family → its constructor by order, and the orders tried when none is named."""
+"""Family → its searches, of all orders or of a given one."""
+
+LAST_RESORT = ("polynomial",)
+"""Families that are solved only where no other suffices without the process."""
 
 
-def families_named(name: str) -> dict[str, list[Trend]]:
-    """The trends to try for ``name`` by family: ``auto`` all, ``plane`` a family's orders, ``plane:3`` just
-    that one.
+def searches_named(name: str) -> list[list[Search]]:
+    """The searches for ``name``, those of last resort apart: ``auto`` all, ``plane`` a family's, ``plane:3``
+    one order's.
 
     Raises InputError with the names there are.
     """
     if name == "auto":
-        return {family: [build(n) for n in orders] for family, (build, orders) in TRENDS.items()}
+        first = [search for family, build in FAMILIES.items() if family not in LAST_RESORT for search in build(None)]
+        return [first, [search for family in LAST_RESORT for search in FAMILIES[family](None)]]
     family, colon, order = name.partition(":")
-    if family not in TRENDS or (colon and not (order.isdigit() and int(order) <= 9)):
+    if family not in FAMILIES or (colon and not (order.isdigit() and int(order) <= 9)):
         raise InputError(
-            f"'{name}' is no trend of the joint refinement; they are: auto, {', '.join(TRENDS)}, "
+            f"'{name}' is no trend of the joint refinement; they are: auto, {', '.join(FAMILIES)}, "
             "and an order up to 9 may follow, as in plane:3"
         )
-    build, orders = TRENDS[family]
-    return {family: [build(n) for n in ([int(order)] if colon else orders)]}
+    return [FAMILIES[family](int(order) if colon else None)]
 
 
-__all__ = ["TRENDS", "Angles", "LensTrend", "Plane", "PolynomialTrend", "RayChart", "Trend", "families_named"]
+__all__ = [
+    "FAMILIES",
+    "Angles",
+    "LensTrend",
+    "Plane",
+    "PolynomialTrend",
+    "RayChart",
+    "Search",
+    "Trend",
+    "searches_named",
+]

@@ -114,8 +114,12 @@ class Trend(Protocol):
         """The same family with another order."""
         ...
 
-    def kept(self, order: int) -> Bools:
-        """Which of β (p,) the lower ``order`` has too; it is this trend with the others at zero."""
+    def around(self) -> Search:
+        """A search of the trends next to this one, for a second and closer look."""
+        ...
+
+    def kept(self, smaller: Trend) -> Bools:
+        """Which of β (p,) a ``smaller`` trend has too; it is this trend with the others at zero."""
         ...
 
     @property
@@ -147,6 +151,16 @@ class Trend(Protocol):
     def folds(self, beta: Floats, half_size: Floats) -> bool:
         """Whether the trend is not one to one on the image of ``half_size`` (2,)."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """A trend to solve, and the trends ``within`` it, itself among them, that follow from it by linear
+    algebra.
+    """
+
+    general: Trend
+    within: tuple[Trend, ...]
 
 
 def inverse_2x2(matrices: Floats) -> Floats:

@@ -16,7 +16,8 @@ ROUGH_NOISE = 1e-3  # normalised image units: what the priors are weighed agains
 def fit_trend(trend: Trend, w: Floats, xyz: Floats) -> Floats | None:
     """β by least squares in the image for rays ``xyz`` (n, 3) seen at ``w`` (n, 2), Levenberg-Marquardt.
 
-    Rays that the chart does not reach are left out; None where fewer than half remain.
+    Rays that the chart does not reach are left out; None where fewer than half remain, or where the trend
+    cannot start.
     """
     c = trend.chart.coordinates(xyz)
     reached = np.isfinite(c).all(axis=1)
@@ -25,6 +26,8 @@ def fit_trend(trend: Trend, w: Floats, xyz: Floats) -> Floats | None:
     c, w = c[reached], w[reached]
     beta, precision, damping = trend.start(w, c), (ROUGH_NOISE / trend.prior_std) ** 2, 1e-4
     at, value = _objective(trend, beta, w, c, precision)
+    if not np.isfinite(value):
+        return None
     for _ in range(STEPS):
         step = _step(trend, beta, w, c, at, precision, damping)
         trial_at, trial = _objective(trend, beta + step, w, c, precision)
@@ -35,7 +38,7 @@ def fit_trend(trend: Trend, w: Floats, xyz: Floats) -> Floats | None:
         damping /= 10.0
         if gain < 1e-3 * value:
             break
-    return beta if np.isfinite(value) else None
+    return beta
 
 
 def levelling_rotation(w: Floats, xyz: Floats) -> Floats:
@@ -48,9 +51,7 @@ def levelling_rotation(w: Floats, xyz: Floats) -> Floats:
     coefficients = np.linalg.lstsq(monomials, directions_to_angles(xyz), rcond=1e-9)[0]
     tilt = _rotation_to_axis(angles_to_directions(coefficients[:1])[0])
     coefficients = np.linalg.lstsq(monomials, directions_to_angles(xyz @ tilt.T), rcond=1e-9)[0]
-    slope = coefficients[
-        [np.flatnonzero((powers == p).all(axis=1))[0] for p in ((1, 0), (0, 1))]
-    ]  # rows by u, by v
+    slope = coefficients[[np.flatnonzero((powers == p).all(axis=1))[0] for p in ((1, 0), (0, 1))]]  # rows by u, by v
     angle = np.arctan2(slope[0, 1] - slope[1, 0], slope[0, 0] + slope[1, 1])
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ tilt
@@ -69,9 +70,7 @@ def _objective(trend: Trend, beta: Floats, w: Floats, c: Floats, precision: Floa
     return at, value if np.isfinite(value) else np.inf
 
 
-def _step(
-    trend: Trend, beta: Floats, w: Floats, c: Floats, at: Floats, precision: Floats, damping: float
-) -> Floats:
+def _step(trend: Trend, beta: Floats, w: Floats, c: Floats, at: Floats, precision: Floats, damping: float) -> Floats:
     rows = trend.jacobians(beta, at, c)[1].reshape(-1, len(beta))
     matrix = rows.T @ rows
     matrix += np.diag(precision + damping * np.diag(matrix))

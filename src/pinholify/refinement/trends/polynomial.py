@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Bools, Floats, Ints
-from pinholify.refinement.trends.base import Angles, RayChart, inverse_2x2
+from pinholify.refinement.trends.base import Angles, RayChart, Search, Trend, inverse_2x2
 
+DEGREES = (3, 5, 7)
 LINEAR_STD = 10.0
 HIGHER_STD = 1.0
 NEWTON_STEPS = 20
@@ -49,13 +50,17 @@ class PolynomialTrend:
         j, k = np.array(pairs).T
         return j, k
 
+    def around(self) -> Search:
+        """Itself alone."""
+        return Search(self, (self,))
+
     def of_order(self, order: int) -> PolynomialTrend:
         """A polynomial of another degree."""
         return PolynomialTrend(order)
 
-    def kept(self, order: int) -> Bools:
-        """The linear part, and bends up to ``order``."""
-        bends = np.sum(self._exponents, axis=0)[2:] <= order
+    def kept(self, smaller: Trend) -> Bools:
+        """The linear part, and bends up to the ``smaller`` degree."""
+        bends = np.sum(self._exponents, axis=0)[2:] <= smaller.order
         return np.concatenate([np.ones(3, dtype=bool), bends, bends])
 
     @property
@@ -84,9 +89,7 @@ class PolynomialTrend:
 
     def _slope(self, beta: Floats, w: Floats) -> Floats:
         coefficients = self._coefficients(beta)
-        return np.stack(
-            [self._monomials(w, 1, 0) @ coefficients, self._monomials(w, 0, 1) @ coefficients], axis=2
-        )
+        return np.stack([self._monomials(w, 1, 0) @ coefficients, self._monomials(w, 0, 1) @ coefficients], axis=2)
 
     def image(self, beta: Floats, c: Floats, near: Floats) -> Floats:
         """w, by Newton's method from ``near``."""
@@ -128,3 +131,9 @@ class PolynomialTrend:
         u, v = (np.vander(axis, self.order + 1, increasing=True) for axis in w.T)
         factor = (j if du else 1) * (k if dv else 1)
         return np.asarray(factor * u[:, np.maximum(j - du, 0)] * v[:, np.maximum(k - dv, 0)])
+
+
+def polynomial_searches(order: int | None) -> list[Search]:
+    """One solve for all degrees, or for the given one."""
+    degrees = DEGREES if order is None else (order,)
+    return [Search(PolynomialTrend(max(degrees)), tuple(PolynomialTrend(n) for n in degrees))]

@@ -1,39 +1,69 @@
-"""Lens-like trends: radial about a free centre with a free ratio of its axes, on the plane or in angles.
+"""Lens-like trends: radial about a free centre, on the plane or in angles.
 
-With R(d) = d (1 + k₁ r² + … + k_n r²ⁿ), r² = d_u²/ρ + ρ d_v², two directions of the same idea:
+With R(d) = d T(κ r²) (1 + k₁ r² + … + k_n r²ⁿ), r² = d_u²/ρ + ρ d_v², two directions of the same idea:
 
 - undistorting: c = A R(w − w₀) + b, what an effect on the image needs, exact for none and good for all;
 - distorting: w = w₀ + R(A (c − b)), the way of Brown's and of Kannala and Brandt's models.
 
-A is symmetric: its antisymmetric part is a roll of the camera, which the boards' poses hold already. In
-angles b = 0 for the same reason; on the plane b is the distortion centre's distance from the perpendicular
-axis.
+T(z) = tan(√z)/√z, continued by tanh(√−z)/√−z, is the radial law of one number that is exact for perspective
+and stereographic lenses in angles, and for the field-of-view model (Devernay & Faugeras 2001) on the plane.
+
+A = a (1 + s₁, s₂; s₂, 1 − s₁) is symmetric: its antisymmetric part is a roll of the camera, which the boards'
+poses hold already. In angles b = 0 for the same reason; on the plane b is the distortion centre's distance
+from the perpendicular axis, which a sensor has that is tilted against its lens. Most cameras have square
+pixels (s = 0), round lenses (ρ = 1), no tilt, and no need of κ: the evidence may say so, and every number
+less is a better-known camera.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
-from pinholify.refinement.trends.base import Angles, Plane, RayChart, inverse_2x2
+from pinholify.refinement.trends.base import Angles, Plane, RayChart, Search, Trend, inverse_2x2
 
 MATRIX_STD = 10.0
+ANISOTROPY_STD = 0.1
 CENTRE_STD = 0.3
 OFFSET_STD = 0.5
 LOG_RATIO_STD = 0.5
+TANGENT_STD = 1.0
 RADIAL_STD = 1.0
+SERIES = 1e-3  # |z| below which T is its series
+POLE = (np.pi / 2) ** 2
 TABLE = np.linspace(0.0, 4.0, 401)  # radii of the table from which the radial inverse starts
-NEWTON_STEPS = 4
+NEWTON_STEPS = 3
+HIGHEST, HIGHEST_TANGENT = 6, 2  # radial coefficients
 MARGIN = 1.1  # of the image, in which a trend may not fold
+
+
+def tangent_law(kappa: float, r2: Floats) -> tuple[Floats, Floats]:
+    """T(κ r²) and dT/dz there, elementwise; nan from the pole of the tangent on."""
+    z = kappa * r2
+    near = np.abs(z) < SERIES
+    far = np.where(near, 1.0 if kappa >= 0 else -1.0, z)
+    if kappa >= 0:
+        root = np.sqrt(np.where(far < POLE, far, np.nan))
+        value = np.tan(root) / root
+    else:
+        root = np.sqrt(-far)
+        value = np.tanh(root) / root
+    slope = (1.0 + far * value**2 - value) / (2.0 * far)
+    series = 1.0 + z * (1.0 / 3.0 + z * (2.0 / 15.0 + z * (17.0 / 315.0)))
+    series_slope = 1.0 / 3.0 + z * (4.0 / 15.0 + z * (17.0 / 105.0))
+    return np.where(near, series, value), np.where(near, series_slope, slope)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Radial:
-    """R(d) with ``log_ratio`` log ρ and coefficients ``k`` (n,)."""
+    """R(d) with ``log_ratio`` log ρ, ``kappa`` κ and coefficients ``k`` (n,)."""
 
     log_ratio: float
+    kappa: float
     k: Floats
 
     @property
@@ -42,12 +72,24 @@ class Radial:
         return np.asarray(np.exp([-self.log_ratio, self.log_ratio]))
 
     def gain(self, r2: Floats) -> Floats:
-        """1 + Σ k rⁱ², elementwise."""
-        return np.asarray(np.polynomial.polynomial.polyval(r2, np.append(1.0, self.k)))
+        """T(κ r²) (1 + Σ k r²ⁱ), elementwise; nan beyond T's pole."""
+        return self.gain_and_slope(r2)[0]
 
-    def gain_slope(self, r2: Floats) -> Floats:
-        """d gain/d r², elementwise."""
-        return np.asarray(np.polynomial.polynomial.polyval(r2, self.k * np.arange(1, len(self.k) + 1)))
+    def gain_and_slope(self, r2: Floats) -> tuple[Floats, Floats]:
+        """The gain and its derivative by r², elementwise."""
+        polynomial, slope = self._polynomial(r2)
+        if not self.kappa:
+            return polynomial, slope
+        law, law_slope = tangent_law(self.kappa, r2)
+        return law * polynomial, law * slope + self.kappa * law_slope * polynomial
+
+    def _polynomial(self, r2: Floats) -> tuple[Floats, Floats]:
+        """1 + Σ k r²ⁱ and its derivative by r², by Horner's rule."""
+        value, slope = np.zeros_like(r2), np.zeros_like(r2)
+        for coefficient in self.k[::-1]:
+            slope = slope * r2 + value
+            value = value * r2 + coefficient
+        return 1.0 + value * r2, slope * r2 + value
 
     def value(self, d: Floats) -> Floats:
         """R(d), (n, 2)."""
@@ -56,25 +98,23 @@ class Radial:
     def jacobian(self, d: Floats) -> Floats:
         """∂R/∂d, (n, 2, 2)."""
         r2 = d**2 @ self.axes
-        slope = self.gain_slope(r2)[:, None, None] if len(self.k) else 0.0
-        return (
-            self.gain(r2)[:, None, None] * np.eye(2)
-            + slope * d[:, :, None] * (2.0 * d * self.axes)[:, None, :]
-        )
+        gain, slope = (g[:, None, None] for g in self.gain_and_slope(r2))
+        return np.asarray(gain * np.eye(2) + slope * d[:, :, None] * (2.0 * d * self.axes)[:, None, :])
 
     def shape_jacobian(self, d: Floats) -> Floats:
-        """∂R/∂(log ρ, k), (n, 2, 1 + n)."""
+        """∂R/∂(log ρ, κ, k), (n, 2, 2 + n)."""
         squares = d**2 * self.axes
         r2 = squares.sum(axis=1)
-        slope = self.gain_slope(r2) if len(self.k) else np.zeros(len(d))
-        factors = np.column_stack(
-            [slope * (squares[:, 1] - squares[:, 0]), r2[:, None] ** np.arange(1, len(self.k) + 1)]
-        )
-        return np.asarray(d[:, :, None] * factors[:, None, :])
+        law, law_slope = tangent_law(self.kappa, r2)
+        by_ratio = self.gain_and_slope(r2)[1] * (squares[:, 1] - squares[:, 0])
+        by_kappa = r2 * law_slope * self._polynomial(r2)[0]
+        powers = law[:, None] * np.vander(r2, len(self.k) + 1, increasing=True)[:, 1:]
+        return np.asarray(d[:, :, None] * np.column_stack([by_ratio, by_kappa, powers])[:, None, :])
 
     def monotone_until(self) -> float:
         """The radius up to which r · gain(r²) grows, at most the table's last."""
-        falling = np.flatnonzero(np.diff(TABLE * self.gain(TABLE**2)) <= 0)
+        with np.errstate(invalid="ignore"):
+            falling = np.flatnonzero(~(np.diff(TABLE * self.gain(TABLE**2)) > 0))
         return float(TABLE[falling[0]] if len(falling) else TABLE[-1])
 
     def inverse(self, m: Floats) -> Floats:
@@ -86,53 +126,99 @@ class Radial:
         r = np.interp(target, reached, radii)
         with np.errstate(divide="ignore", invalid="ignore"):
             for _ in range(NEWTON_STEPS):
-                r2 = r**2
-                slope = self.gain(r2) + (2.0 * r2 * self.gain_slope(r2) if len(self.k) else 0.0)
-                r = r - (r * self.gain(r2) - target) / slope
-            valid = (target <= reached[-1]) & (np.abs(r * self.gain(r**2) - target) < 1e-10)
-            return np.asarray(m * np.where(valid, 1.0 / self.gain(r**2), np.nan)[:, None])
+                gain, slope = self.gain_and_slope(r**2)
+                r = r - (r * gain - target) / (gain + 2.0 * r**2 * slope)
+            gain = self.gain(r**2)
+            valid = (target <= reached[-1]) & (np.abs(r * gain - target) < 1e-10)
+            return np.asarray(m * np.where(valid, 1.0 / gain, np.nan)[:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
     """The parameters β by their meaning."""
 
-    matrix: Floats
+    scale: float
+    shape: Floats
     centre: Floats
     offset: Floats
     radial: Radial
 
+    @property
+    def matrix(self) -> Floats:
+        """A (2, 2)."""
+        return self.scale * self.shape
+
+    def matrix_columns(self, m: Floats) -> Floats:
+        """∂(A m)/∂(a, s₁, s₂) at ``m`` (n, 2): (n, 2, 3)."""
+        by_difference = self.scale * m * [1.0, -1.0]
+        return np.stack([m @ self.shape, by_difference, self.scale * m[:, ::-1]], axis=2)
+
 
 @dataclass(frozen=True, slots=True)
 class LensTrend:
-    """Either direction, on either chart, with ``order`` radial coefficients."""
+    """Either direction, on either chart, with ``order`` radial coefficients, and with or without the other
+    numbers.
+
+    β = (a, s₁ s₂ where ``anisotropic``, w₀, b where ``tilted``, log ρ where ``elliptic``, κ where
+    ``tangent``, k₁ … k_n).
+    """
 
     chart: RayChart
     distorting: bool
     order: int
+    anisotropic: bool = True
+    tilted: bool = True
+    elliptic: bool = True
+    tangent: bool = True
 
     @property
     def name(self) -> str:
-        """``plane:3``, ``angle:2``, and ``plane-d:3``, ``angle-d:2`` for the distorting direction."""
-        return f"{self.family}:{self.order}"
+        """``plane:3`` with the letters of what it has: s for s₁ and s₂, b, r for ρ, t for κ, as in
+        ``plane-d:2+rt``.
+        """
+        flags = zip("sbrt", (self.anisotropic, self._has_offset, self.elliptic, self.tangent), strict=True)
+        letters = "".join(letter for letter, has in flags if has)
+        return f"{self.family}:{self.order}" + (f"+{letters}" if letters else "")
 
     @property
     def family(self) -> str:
         """The name without the order."""
-        return ("plane" if self._offset else "angle") + ("-d" if self.distorting else "")
+        return ("plane" if isinstance(self.chart, Plane) else "angle") + ("-d" if self.distorting else "")
 
     @property
-    def _offset(self) -> bool:
-        return isinstance(self.chart, Plane)
+    def _has_offset(self) -> bool:
+        return self.tilted and isinstance(self.chart, Plane)
+
+    @property
+    def _free(self) -> Bools:
+        """Which of the full family's parameters are β."""
+        flags = [(True, 1), (self.anisotropic, 2), (True, 2), (self._has_offset, 2), (self.elliptic, 1)]
+        return np.repeat(*np.array([*flags, (self.tangent, 1), (True, self.order)]).T).astype(bool)
+
+    def variants(self) -> Iterator[LensTrend]:
+        """Itself and all with fewer of the other numbers, of the same order and radial law; no two say the
+        same.
+        """
+        bent = self.tangent or self.order > 0
+        anisotropic, tilted, elliptic = self.anisotropic, self._has_offset and bent, self.elliptic and bent
+        for s, b, r in product(*((True, False) if has else (False,) for has in (anisotropic, tilted, elliptic))):
+            yield replace(self, anisotropic=s, tilted=b, elliptic=r)
+
+    def around(self) -> Search:
+        """All that is as simple as this, or has more of the other numbers."""
+        general = replace(self, anisotropic=True, tilted=True, elliptic=True)
+        orders = (self.order, self.order - 1) if self.order else (0,)
+        return Search(general, tuple(v for n in orders for v in general.of_order(n).variants()))
 
     def of_order(self, order: int) -> LensTrend:
-        """The same direction and chart with ``order`` radial coefficients."""
+        """The same with ``order`` radial coefficients."""
         return replace(self, order=order)
 
-    def kept(self, order: int) -> Bools:
-        """All but the higher radial coefficients."""
-        size = len(self.prior_std)
-        return np.arange(size) < size - self.order + order
+    def kept(self, smaller: Trend) -> Bools:
+        """Which of β the ``smaller`` trend has too."""
+        assert isinstance(smaller, LensTrend)
+        inside = np.append(smaller._free, np.zeros(self.order - smaller.order, dtype=bool))
+        return np.asarray(inside[self._free])
 
     @property
     def level(self) -> bool:
@@ -142,22 +228,22 @@ class LensTrend:
     @property
     def prior_std(self) -> Floats:
         """Weak everywhere."""
-        offset = [OFFSET_STD] * (2 if self._offset else 0)
-        shape = [LOG_RATIO_STD, *[RADIAL_STD] * self.order]
-        return np.array([MATRIX_STD] * 3 + [CENTRE_STD] * 2 + offset + shape)
+        general = [MATRIX_STD, *[ANISOTROPY_STD] * 2, *[CENTRE_STD] * 2, *[OFFSET_STD] * 2, LOG_RATIO_STD, TANGENT_STD]
+        return np.array(general + [RADIAL_STD] * self.order)[self._free]
 
     def parts(self, beta: Floats) -> Parts:
         """β (p,) taken apart."""
-        matrix = np.array([[beta[0], beta[1]], [beta[1], beta[2]]])
-        offset = beta[5:7] if self._offset else np.zeros(2)
-        first = 7 if self._offset else 5
-        return Parts(matrix, beta[3:5], offset, Radial(float(beta[first]), beta[first + 1 :]))
+        free = self._free
+        full = np.zeros(len(free))
+        full[free] = beta
+        a, s1, s2 = full[:3]
+        shape = np.array([[1.0 + s1, s2], [s2, 1.0 - s1]])
+        return Parts(a, shape, full[3:5], full[5:7], Radial(float(full[7]), float(full[8]), full[9:]))
 
     def start(self, w: Floats, c: Floats) -> Floats:
         """A scaled identity by least squares, no distortion, the centre in the image's middle."""
-        ratio = float((w * c).sum() / ((c**2).sum() if self.distorting else (w**2).sum()))
         beta = np.zeros(len(self.prior_std))
-        beta[[0, 2]] = ratio
+        beta[0] = (w * c).sum() / ((c**2).sum() if self.distorting else (w**2).sum())
         return beta
 
     def image(self, beta: Floats, c: Floats, near: Floats) -> Floats:
@@ -182,20 +268,20 @@ class LensTrend:
             m = e @ p.matrix
             inner = p.radial.jacobian(m)
             by_ray = inner @ p.matrix
-            by_matrix, by_shape = inner @ _symmetric_columns(e), p.radial.shape_jacobian(m)
+            by_matrix, by_shape = inner @ p.matrix_columns(e), p.radial.shape_jacobian(m)
         else:
             d = w - p.centre
             by_ray = inverse_2x2(p.matrix @ p.radial.jacobian(d))
-            by_matrix = -by_ray @ _symmetric_columns(p.radial.value(d))
+            by_matrix = -by_ray @ p.matrix_columns(p.radial.value(d))
             by_shape = -by_ray @ (p.matrix @ p.radial.shape_jacobian(d))
         by_centre = np.broadcast_to(np.eye(2), (len(w), 2, 2))
-        by_offset = -by_ray if self._offset else by_ray[:, :, :0]
-        return by_ray, np.concatenate([by_matrix, by_centre, by_offset, by_shape], axis=2)
+        columns = np.concatenate([by_matrix, by_centre, -by_ray, by_shape], axis=2)
+        return by_ray, columns[:, :, self._free]
 
     def folds(self, beta: Floats, half_size: Floats) -> bool:
         """Whether the radial part turns back, or the rays end, inside the image."""
         p = self.parts(beta)
-        if np.linalg.det(p.matrix) <= 0:
+        if p.scale <= 0 or np.linalg.det(p.shape) <= 0:
             return True
         corners = MARGIN * half_size * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) - p.centre
         limit = p.radial.monotone_until()
@@ -204,29 +290,16 @@ class LensTrend:
         return bool(np.sqrt(corners**2 @ p.radial.axes).max() >= limit * p.radial.gain(np.array(limit**2)))
 
 
-def _symmetric_columns(m: Floats) -> Floats:
-    """∂(A m)/∂(a₁₁, a₁₂, a₂₂) of a symmetric A: (n, 2, 3)."""
-    zero = np.zeros(len(m))
-    return np.stack(
-        [np.stack([m[:, 0], m[:, 1], zero], axis=1), np.stack([zero, m[:, 0], m[:, 1]], axis=1)], axis=1
-    )
-
-
-def plane_lens(order: int) -> LensTrend:
-    """Undistorting, on the plane."""
-    return LensTrend(Plane(), False, order)
-
-
-def plane_lens_distorting(order: int) -> LensTrend:
-    """Distorting, on the plane."""
-    return LensTrend(Plane(), True, order)
-
-
-def angle_lens(order: int) -> LensTrend:
-    """Undistorting, in angles."""
-    return LensTrend(Angles(), False, order)
-
-
-def angle_lens_distorting(order: int) -> LensTrend:
-    """Distorting, in angles."""
-    return LensTrend(Angles(), True, order)
+def lens_searches(chart: RayChart, distorting: bool, order: int | None) -> list[Search]:
+    """One solve for all orders of the polynomial law, and one for each order of the tangent law, which is not
+    linear in κ. A given ``order`` is the only one.
+    """
+    highest = LensTrend(chart, distorting, HIGHEST if order is None else order, tangent=False)
+    orders = range(HIGHEST + 1) if order is None else [order]
+    searches = [Search(highest, tuple(v for n in orders for v in highest.of_order(n).variants()))]
+    if not distorting and isinstance(chart, Angles):
+        return searches  # an arc tangent of the radius: no lens has it
+    for n in range(HIGHEST_TANGENT + 1) if order is None else [order]:
+        tangent = LensTrend(chart, distorting, n)
+        searches.append(Search(tangent, tuple(tangent.variants())))
+    return searches
