@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from pinholify.calibration.one_image import calibrate_one_image
+from collections.abc import Callable
+
+from pinholify.calibration.one_image import calibrate_one_image, reference_view
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
+from pinholify.errors import InputError
+from pinholify.refinement import JointResult, refine
 
-METHODS = ("auto", "one-image")
+METHODS = ("auto", "joint", "one-image")
+FEWEST_FOR_JOINT = 4
+
+Progress = Callable[[str], object]
 
 
 def calibrate(
@@ -18,13 +25,51 @@ def calibrate(
     trend: str = "auto",
     mirrored: bool = False,
     square_mm: float | None = None,
+    progress: Progress = lambda _: None,
 ) -> Calibration:
     """A perfect pinhole camera from the corners of several photographs of one board.
 
-    ``reference`` names the image whose board makes the camera (the largest by default), ``method`` is one of
-    ``METHODS``, ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp`. ``mirrored`` says that the
-    image is a reflection, ``square_mm`` the side of a square. Raises InputError, CalibrationError or DegenerateError.
+    ``reference`` names the image whose board fixes the camera's frame (the largest by default). ``method`` is
+    ``one-image`` (the paper's: that board alone makes the map), ``joint`` (all boards do), or ``auto``: joint from four
+    boards on. ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp` and
+    :mod:`pinholify.refinement`. ``mirrored`` says that the image is a reflection, ``square_mm`` the side of a square.
+    ``progress`` hears a line a stage. Raises InputError, CalibrationError or DegenerateError.
     """
-    return calibrate_one_image(
-        corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
+    if method not in METHODS:
+        raise InputError(f"'{method}' is no method; the methods are: {', '.join(METHODS)}")
+    if method == "auto":
+        method = "joint" if len(corner_set.found) >= FEWEST_FOR_JOINT else "one-image"
+    if method == "one-image":
+        return calibrate_one_image(
+            corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
+        )
+    name = reference_view(corner_set, reference).name
+    result = refine(
+        corner_set, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=lambda t: progress(t) and None
+    )
+    return _calibration(result, corner_set, name, square_mm)
+
+
+def _calibration(result: JointResult, corner_set: CornerSet, reference: str, square_mm: float | None) -> Calibration:
+    shape = result.shape
+    details: dict[str, object] = {
+        "log_evidence": dict(result.candidates),
+        "kernel_px": [float(v) for v in result.kernel_px],
+        "dropped_boards": dict(result.dropped),
+        "dropped_corners": result.dropped_corners,
+        "board_bow_squares": shape.bow,
+        "board_stretch": shape.stretch,
+        "board_bow_mm": None if shape.bow is None or square_mm is None else shape.bow * square_mm,
+    }
+    return Calibration(
+        result.camera,
+        corner_set,
+        "joint",
+        result.kernel,
+        result.trend,
+        reference,
+        result.intrinsics_std,
+        result.camera.intrinsics,
+        square_mm,
+        details,
     )

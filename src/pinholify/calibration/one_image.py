@@ -26,6 +26,7 @@ from pinholify.gp.fitting import FittedMap, fit_map
 MINIMUM_REFERENCE_CORNERS = 16
 DRAWS = 200
 LARGEST_RELATIVE_STD = 0.5
+DISAGREEMENT = 2.0  # times the noise's std: a jackknife over unlike boards is itself up to 1.5 times too large
 
 
 def calibrate_one_image(
@@ -51,7 +52,8 @@ def calibrate_one_image(
     others = _boards_beside_reference(corner_set, view, fitted, hull)
     homographies, plane = np.stack([b.homography for b in others]), _plane_normalisation(others)
     closed = simplified_zhang(homographies, plane)
-    std = _intrinsics_std(others, homographies, plane, fitted)
+    spread = jackknife_std(homographies, plane)
+    std = honest_std(_noise_std(others, homographies, plane, fitted), spread)
     if not std[0] < LARGEST_RELATIVE_STD * closed.intrinsics.f:
         raise DegenerateError(
             f"the {len(others)} boards beside the reference do not determine f, uc and vc (f = "
@@ -70,6 +72,7 @@ def calibrate_one_image(
     refined = _refined(others, closed.intrinsics)
     details: dict[str, object] = {
         "singular_values": [float(s) for s in closed.singular_values],
+        "spread_of_k_over_subsets": None if spread is None else [float(s) for s in spread],
         "log_evidence": dict(fitted.candidates),
     }
     return Calibration(
@@ -151,35 +154,31 @@ def _refined(boards: list[MappedBoard], intrinsics: Intrinsics) -> Intrinsics:
     return refine_intrinsics(sightings, intrinsics, poses).intrinsics
 
 
-def _intrinsics_std(
-    boards: list[MappedBoard], homographies: Floats, plane: Floats, fitted: FittedMap
-) -> Floats:
-    """Standard deviations of f, uc, vc: the map's common error, and the boards' own.
+def honest_std(by_noise: Floats, spread: Floats | None) -> Floats:
+    """What the corners' noise alone makes of K's std (3,), unless the boards disagree by clearly more than that.
 
-    The map's part draws new noise on the reference's corners and follows it to first order. The boards' part is the
-    jackknife, which also sees what no noise model knows (a bent board), or below four boards their corners' noise.
+    Then something no noise explains is at work (bent boards, a camera without one centre), and their spread counts.
+    """
+    return by_noise if spread is None else np.where(spread > DISAGREEMENT * by_noise, spread, by_noise)
+
+
+def _noise_std(boards: list[MappedBoard], homographies: Floats, plane: Floats, fitted: FittedMap) -> Floats:
+    """Standard deviations of f, uc, vc: new noise is drawn on all corners and followed to first order.
+
+    The reference's corners get the noise that the fit of the map found, each other board's what its homography left,
+    which also holds what no map explains.
     """
     rng = np.random.default_rng(0)
-    jackknife = jackknife_std(homographies, plane)
     shifts = fitted.map.noise_response(np.concatenate([b.uv for b in boards]), DRAWS, rng)
-    if jackknife is None:
-        noise = fitted.noise * rng.standard_normal(shifts.shape)
-        shifts = shifts + _into_plane(boards, noise)
-    drawn = np.empty((DRAWS, len(boards), 3, 3))
+    drawn = np.empty((DRAWS, *homographies.shape))
     ends = np.cumsum([len(b.uv) for b in boards])
-    for i, (board, shift) in enumerate(zip(boards, np.split(shifts, ends[:-1], axis=1), strict=True)):
+    for i, (board, common) in enumerate(zip(boards, np.split(shifts, ends[:-1], axis=1), strict=True)):
+        own = board.misfit_px / np.sqrt(2.0) * rng.standard_normal(common.shape)
+        shift = common + np.einsum("nij,dnj->dni", np.linalg.inv(board.whitening), own)
         response = homography_response(board.homography, board.lattice, board.whitening)
         drawn[:, i] = board.homography + (shift.reshape(DRAWS, -1) @ response.T).reshape(DRAWS, 3, 3)
     values, _, valid = solve(drawn, plane)
-    if valid.mean() < 0.9:
-        return np.full(3, np.inf)
-    common = values[valid].std(axis=0, ddof=1)
-    return np.asarray(common if jackknife is None else np.hypot(common, jackknife))
-
-
-def _into_plane(boards: list[MappedBoard], noise: Floats) -> Floats:
-    to_plane = np.concatenate([np.linalg.inv(b.whitening) for b in boards])
-    return np.asarray(np.einsum("nij,dnj->dni", to_plane, noise))
+    return np.full(3, np.inf) if valid.mean() < 0.9 else np.asarray(values[valid].std(axis=0, ddof=1))
 
 
 __all__ = ["calibrate_one_image", "check_handedness", "reference_view"]

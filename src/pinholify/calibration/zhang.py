@@ -45,7 +45,8 @@ def simplified_zhang(homographies: Floats, plane: Floats) -> ClosedForm:
     values, singular, valid = solve(homographies[None], plane)
     closed = ClosedForm(Intrinsics(*(float(x) for x in values[0])), singular[0])
     third, fourth = singular[0, 2:]
-    if len(homographies) < 2 or third < max(RANK_TOLERANCE * np.sqrt(len(homographies)), NOISE_RATIO * fourth) or not valid[0]:
+    floor = max(RANK_TOLERANCE * np.sqrt(len(homographies)), NOISE_RATIO * fourth)
+    if len(homographies) < 2 or third < floor or not valid[0]:
         raise DegenerateError(
             f"the {len(homographies)} boards do not determine f, uc and vc (singular values "
             f"{listed(singular[0])}: the third must stand out from the fourth): {TILT_MORE}"
