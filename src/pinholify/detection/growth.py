@@ -21,6 +21,9 @@ FEWEST = 9
 MOST_SEEDS = 40
 """Seeds tried in one image."""
 
+DISORDER = 0.1
+"""Above this a lattice is letters or leaves; the most bent photographs of boards stay below a third of it."""
+
 MOST_REPAIRS = 5
 """Times that a lattice may lose corners which break it, and grow again."""
 
@@ -54,7 +57,7 @@ class Grower:
             if not bounded(self.grey, cross).all():
                 continue
             lattice = self.grow(cross)
-            if len(lattice) < FEWEST:
+            if len(lattice) < FEWEST or disorder(lattice) > DISORDER:
                 free[seed] = False
                 continue
             near = self.tree.query_ball_point(lattice.uv, 3.0)
@@ -66,7 +69,7 @@ class Grower:
         banned: set[tuple[int, int]] = set()
         for _ in range(MOST_REPAIRS):
             lattice = self._grow(lattice, banned)
-            if len(lattice) < FEWEST:
+            if len(lattice) < FEWEST or disorder(lattice) > DISORDER:
                 break
             kept = regular(lattice)
             if kept.all():
@@ -82,7 +85,7 @@ class Grower:
             kept = bounded(self.grey, grown)
             banned |= _pairs(grown.index[~kept])
             grown = grown.select(kept)
-            if len(grown) <= len(lattice):
+            if len(grown) <= len(lattice) or (len(grown) >= 2 * FEWEST and disorder(grown) > DISORDER):
                 return grown
             lattice = grown
 
@@ -128,6 +131,12 @@ class Grower:
 def grower(grey: Grey, candidates: Candidates) -> Grower:
     """A grower over ``grey`` with an index of its ``candidates``."""
     return Grower(grey, candidates, cKDTree(candidates.uv))
+
+
+def disorder(lattice: Lattice) -> float:
+    """Median distance of corners from where the others predict them, as a fraction of the spacing."""
+    expected = predict(lattice.index, lattice.uv, lattice.index, leave_out=True)
+    return float(np.median(np.linalg.norm(lattice.uv - expected.uv, axis=1) / expected.spacing))
 
 
 def regular(lattice: Lattice) -> Bools:
