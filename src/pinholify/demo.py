@@ -29,6 +29,22 @@ from pinholify.rectification.straightener import Straightener
 from pinholify.simulation.demo import DEMO, street
 
 SHOWN_STD = 1.0  # px; what the camera knows worse than this is left black
+ABOUT = "ABOUT.txt"
+"""Written first: marks the folder as a demo's, and says what is in it."""
+
+ABOUT_TEXT = f"""What 'pinholify demo' made, all of it rendered and none of it photographed. Lens: {DEMO.title.lower()}.
+
+before-after.jpg    a street as photographed, and straight
+board.jpg           the reference board with its corners, and in the virtual plane
+collinearity.jpg    all boards in the virtual plane, where rows and columns are straight lines
+photographs/        the photographs of the board
+street.jpg          the street as photographed
+street-straight.png the street straight; black where the camera does not know enough
+corners.vnl         the corners found
+camera.npz          the camera; try: pinholify undistort camera.npz street.jpg -o straight/
+numbers.json        how good it is
+"""
+
 RED, GREEN = (60, 60, 230), (80, 190, 60)
 
 
@@ -47,13 +63,17 @@ def run_demo(folder: Path, step: Callable[[str], object] = lambda _: None) -> De
     Raises OutputError where the folder cannot be written.
     """
     photographs = _make_folder(folder / "photographs")
+    with writing_text(folder / ABOUT) as file:
+        file.write(ABOUT_TEXT)
     step(f"Rendering {DEMO.views} photographs of a board, and a street, through {DEMO.title.lower()}")
+    paths = []
     for picture in DEMO.photographs():
-        write_image(photographs / f"{picture.name}.jpg", picture.image)
+        paths.append(photographs / f"{picture.name}.jpg")
+        write_image(paths[-1], picture.image)
     scene = np.ascontiguousarray(street()[:, :, ::-1])
     write_image(folder / "street.jpg", scene)
     step("Finding the board's corners")
-    corners = detect_files(sorted(photographs.glob("*.jpg")), DEMO.board)
+    corners = detect_files(paths, DEMO.board)
     write_corner_table(folder / "corners.vnl", corners)
     step("Calibrating")
     calibration = calibrate(corners, reference=corners.views[0].name)
@@ -109,7 +129,8 @@ def _write_pictures(
     straighten = Straightener(calibration.camera, "camera", max_std=SHOWN_STD)
     straight = straighten(scene)
     write_image(folder / "street-straight.png", straight)
-    write_image(folder / "before-after.jpg", side_by_side(scene, straight, "as photographed", "as a pinhole camera sees it"))
+    both = side_by_side(scene, straight, "as photographed", "as a pinhole camera sees it")
+    write_image(folder / "before-after.jpg", both)
     reference = _in_colour(read_image(photographs / calibration.reference))
     board_view = Straightener(calibration.camera, "board")
     flat = board_view(reference)

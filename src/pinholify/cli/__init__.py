@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
-from typing import Any
 
 import click
 
 from pinholify import __version__
 from pinholify.errors import PinholifyError
+
+INTERRUPTED = 130  # as shells count a process that Ctrl-C ended
 
 COMMANDS = {
     "detect": "Find the corners of a board in photographs.",
@@ -48,33 +50,65 @@ class LazyGroup(click.Group):
 @click.group(
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Example: pinholify calibrate photos/ --board 15x9 -o camera.npz && "
-    "pinholify undistort camera.npz photos/ -o straight/",
+    epilog="""\b
+Example:
+  pinholify calibrate photos/ --board 15x9 -o camera.npz
+  pinholify undistort camera.npz photos/ -o straight/""",
 )
 @click.version_option(__version__, prog_name="pinholify")
 def cli() -> None:
     """Turn any camera into a perfect pinhole camera: no lens model, straight lines straight, honest error bars."""
 
 
-def main(arguments: list[str] | None = None) -> Any:
-    """Run the command line: exit status 0 done, 1 refused, 2 wrong usage, 130 interrupted."""
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return its exit status: 0 done, 1 refused, 2 wrong usage, 130 interrupted."""
     # The matrices here are small: threads in BLAS cost more than they bring. Must be set before NumPy loads.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
+    _accept_any_character()
     try:
-        return cli.main(arguments, prog_name="pinholify", standalone_mode=False) or 0
+        status = cli.main(arguments, prog_name="pinholify", standalone_mode=False)
+        sys.stdout.flush()
+        return int(status or 0)
     except click.ClickException as error:
         error.show()
-        sys.exit(error.exit_code)
+        return error.exit_code
     except (click.Abort, KeyboardInterrupt):
         click.echo("pinholify: interrupted", err=True)
-        sys.exit(130)
+        return INTERRUPTED
+    except (BrokenPipeError, SystemExit):  # the reader has seen enough; click notices first and leaves this way
+        _discard_output()
+        return 0
     except PinholifyError as error:
-        click.echo(f"pinholify: {error}", err=True)
-        sys.exit(1)
-    except BrokenPipeError:  # the reader of our output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
+        return _refuse(str(error))
     except MemoryError:
-        click.echo("pinholify: there is not enough memory for images of this size; give smaller ones", err=True)
-        sys.exit(1)
+        return _refuse("there is not enough memory for images of this size; give smaller ones")
+    except OSError as error:
+        return _refuse(_sentence(error))
+
+
+def _accept_any_character() -> None:
+    """Write what a stream's encoding lacks as an escape, so that no sign in a name or number ends the work."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _refuse(sentence: str) -> int:
+    click.echo(f"pinholify: {sentence}", err=True)
+    return 1
+
+
+def _sentence(error: OSError) -> str:
+    """What to say of an error no reader or writer of files has put into words: a stream's, or a folder's."""
+    if error.filename is not None:
+        return f"'{error.filename}' cannot be used: {error.strerror}; check the path and its permissions"
+    from pinholify.io.files import cannot_write
+
+    _discard_output()
+    return str(cannot_write("standard output", error))
+
+
+def _discard_output() -> None:
+    """Send what is still to be written to standard output nowhere, or Python would fail on it once more at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

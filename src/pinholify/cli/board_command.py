@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from pinholify.board import Board
-from pinholify.cli.options import BoardType, LengthType, check_replaceable, force_option
+from pinholify.cli import options
+from pinholify.cli.options import check_output, examples, force_option
+
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.board import Board
 
 
-@click.command("board", epilog="Example: pinholify board 9x6 --square 25mm --page A4 -o board.pdf")
-@click.argument("board", type=BoardType())
-@click.option("--square", "square_mm", type=LengthType(), required=True, help="Side of a square, e.g. 25mm.")
+@click.command("board", epilog=examples("pinholify board 9x6 --square 25mm --page A4 -o board.pdf"))
+@click.argument("board", type=options.board)
+@click.option("--square", "square_mm", type=options.length, required=True, help="Side of a square, e.g. 25mm.")
 @click.option("--page", default="A4", show_default=True, help="A0 to A5, Letter, Legal, Tabloid, or WxHmm.")
 @click.option("-o", "output", type=click.Path(path_type=Path), default="board.pdf", show_default=True,
               help="File to write; .pdf, .svg or .png.")
@@ -24,6 +28,6 @@ def command(board: Board, square_mm: float, page: str, output: Path, force: bool
     """
     from pinholify.io.board_print import write_board
 
-    check_replaceable(output, force, lambda _: False)
+    check_output(output, force=force)
     write_board(board, output, square_mm=square_mm, page=page)
     click.echo(f"wrote {output}")

@@ -4,43 +4,51 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from pinholify.board import Board
+from pinholify.cli import options
 from pinholify.cli.options import (
-    LengthType,
-    SizeType,
     board_option,
-    check_replaceable,
+    check_output,
+    examples,
     force_option,
     json_option,
     print_json,
 )
-from pinholify.cli.sources import gather_corners, report_missing
+from pinholify.cli.sources import gather_corners, input_files
 
-METHODS = ("auto", "one-image")
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.board import Board
+
+METHODS = ("auto", "joint", "one-image")
 
 
 @click.command(
     "calibrate",
-    epilog="Examples: pinholify calibrate photos/ --board 15x9 --square 25mm -o camera.npz; "
-    "pinholify calibrate --corners corners.vnl --image-size 3840x2160 --board 15x9 -o camera.npz",
+    epilog=examples(
+        "pinholify calibrate photos/ --board 15x9 --square 25mm -o camera.npz",
+        "pinholify calibrate --corners corners.vnl --image-size 3840x2160 --board 15x9",
+    ),
 )
 @click.argument("images", nargs=-1, type=click.Path(path_type=Path))
 @board_option
-@click.option("-o", "output", type=click.Path(path_type=Path), default="camera.npz", show_default=True, help="Camera file.")
+@click.option("-o", "output", type=click.Path(path_type=Path), default="camera.npz", show_default=True,
+              help="Camera file to write.")
 @click.option("--corners", "table", metavar="FILE", help="Take corners from a table (.vnl) instead of photographs.")
-@click.option("--image-size", type=SizeType(), help="Size of the images in px; goes with --corners.")
-@click.option("--square", "square_mm", type=LengthType(), help="Side of a square, e.g. 25mm.")
-@click.option("--reference", metavar="IMAGE", help="Image whose board makes the camera; by default the largest board.")
-@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True, help="How to calibrate.")
+@click.option("--image-size", type=options.size, metavar="WxH", help="Size of the images in px; goes with --corners.")
+@click.option("--square", "square_mm", type=options.length, help="Side of a square, e.g. 25mm.")
+@click.option("--reference", metavar="IMAGE", help="Image whose board fixes the frame; by default the largest board.")
+@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True,
+              help="joint: all boards make the map; one-image: the reference alone; auto: joint from four boards on.")
 @click.option("--kernel", default="se", show_default=True, help="se, ard-se, matern32, matern52 or rq.")
 @click.option(
     "--trend",
     default="auto",
     show_default=True,
-    help="constant (the paper's), homography, lens[:order], polynomial[:order], or auto: by evidence.",
+    help="auto: by evidence. One image: constant (the paper's), homography, lens[:order], polynomial[:order]. "
+    "Joint: plane[:order], angle[:order], polynomial[:order], plane-d, angle-d.",
 )
 @click.option("--mirrored", is_flag=True, help="The camera looks into a mirror: the image is a reflection.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
@@ -64,18 +72,17 @@ def command(
 ) -> None:
     """Make a perfect pinhole camera from photographs of a board (IMAGES: files or folders) or a corner table.
 
-    The board of the reference image makes the camera, the others tell its focal length and principal point. EXIF
-    rotation is ignored: a calibration belongs to the sensor.
+    The reference's board fixes the frame and, with --method one-image, makes the camera by itself; the others then
+    only tell its focal length and principal point. EXIF rotation is ignored: a calibration belongs to the sensor.
     """
-    check_names(kernel, trend)
-    check_output(output, force)
-    corner_set = gather_corners(images, table, board, image_size, mirrored)
-    report_missing(corner_set)
     from pinholify.cli.report import print_evaluation, to_json
     from pinholify.evaluation.summary import evaluate
-    from pinholify.io.camera_file import write_camera
+    from pinholify.io.camera_file import is_camera_file, write_camera
     from pinholify.pipeline import calibrate
 
+    method = chosen_method(method, kernel, trend)
+    check_output(output, force=force, is_ours=is_camera_file, inputs=input_files(images, table))
+    corner_set = gather_corners(images, table, board, image_size, mirrored)
     again = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored)
     calibration = again(corner_set, reference=reference, square_mm=square_mm)
     again = partial(again, method=calibration.method)
@@ -90,24 +97,31 @@ def command(
         click.echo(f"wrote {output}")
 
 
-def check_names(kernel: str, trend: str) -> None:
-    """Raise a usage error when a kernel or trend is not known."""
+def chosen_method(method: str, kernel: str, trend: str) -> str:
+    """``method``, or for ``auto`` the only one that knows ``kernel`` and ``trend``; a usage error where none does."""
+    reasons = {name: _unknown(name, kernel, trend) for name in METHODS if method in ("auto", name) and name != "auto"}
+    able = [name for name, reason in reasons.items() if not reason]
+    if not able:
+        raise click.UsageError("; ".join(reasons.values()))
+    return able[0] if len(able) == 1 else method
+
+
+def _unknown(method: str, kernel: str, trend: str) -> str:
+    """What ``method`` says where it does not know ``kernel`` or ``trend``, else nothing."""
     from pinholify.errors import InputError
     from pinholify.gp.kernels import kernel_named
     from pinholify.gp.trends import trends_named
+    from pinholify.refinement.spectral import density_named
+    from pinholify.refinement.trends import searches_named
 
     try:
-        kernel_named(kernel)
-        if trend != "constant":
-            trends_named(trend)
+        if method == "joint":
+            density_named(kernel)
+            searches_named(trend)
+        else:
+            kernel_named(kernel)
+            if trend != "constant":
+                trends_named(trend)
     except InputError as error:
-        raise click.UsageError(str(error)) from None
-
-
-def check_output(output: Path, force: bool) -> None:
-    """Raise before any work when the camera file cannot be written or would replace something else."""
-    from pinholify.io.camera_file import is_camera_file
-    from pinholify.io.files import check_writable
-
-    check_writable(output)
-    check_replaceable(output, force, is_camera_file)
+        return str(error)
+    return ""

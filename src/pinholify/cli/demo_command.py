@@ -6,21 +6,25 @@ from pathlib import Path
 
 import click
 
-from pinholify.cli.options import say
+from pinholify.cli.options import examples, force_option, say
 
 
-@click.command("demo", epilog="Example: pinholify demo -o demo/")
+@click.command("demo", epilog=examples("pinholify demo -o demo/"))
 @click.option(
     "-o", "folder", type=click.Path(path_type=Path), default="demo", show_default=True, help="Folder to write into."
 )
-def command(folder: Path) -> None:
+@force_option
+def command(folder: Path, force: bool) -> None:
     """Render a warped scene, run the whole chain on it, and write pictures and numbers into a folder.
 
-    The folder's own files of an earlier demo are replaced; nothing else in it is touched.
+    The files of an earlier demo are replaced; a folder that holds anything else is refused without --force.
     """
     from pinholify.cli.report import print_evaluation
-    from pinholify.demo import run_demo
+    from pinholify.demo import ABOUT, run_demo
+    from pinholify.errors import OutputError
 
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / ABOUT).exists() and not force:
+        raise OutputError(f"the folder '{folder}' holds other files; choose a new one with -o, or say --force")
     result = run_demo(folder, step=lambda text: say(f"{text} …"))
     print_evaluation(result.evaluation)
     click.echo(f"largest error of f, uc, vc against truth: {result.intrinsics_error:.4f} squares")

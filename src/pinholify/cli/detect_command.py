@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinholify.board import Board
-from pinholify.cli.options import board_option, check_replaceable, force_option, json_option, print_json
-from pinholify.cli.sources import detect_with_progress, is_corner_table, report_missing
-from pinholify.errors import CalibrationError
+from pinholify.cli.options import board_option, check_output, examples, force_option, json_option, print_json
+from pinholify.cli.sources import detect_with_progress, input_files, is_corner_table
+
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.board import Board
+    from pinholify.corners import CornerSet
 
 
-@click.command(
-    "detect", epilog="Example: pinholify detect photos/*.jpg --board 15x9 -o corners.vnl"
-)
+@click.command("detect", epilog=examples("pinholify detect photos/*.jpg --board 15x9 -o corners.vnl"))
 @click.argument("images", nargs=-1, required=True, type=click.Path(path_type=Path))
 @board_option
 @click.option("-o", "output", type=click.Path(), default="-", show_default=True, help="Corner table to write.")
@@ -35,37 +37,35 @@ def command(
 
     EXIF rotation is ignored: a calibration belongs to the sensor. With --json and -o - the table is not printed.
     """
-    import sys
-
     from pinholify.io.corner_tables import write_corner_table
 
+    files = input_files(images, None)
     if output != "-":
-        check_replaceable(Path(output), force, is_corner_table)
-    corners = detect_with_progress(images, board, mirrored, workers)
-    if not corners.found:
-        reasons = sorted({view.reason for view in corners.views})
-        raise CalibrationError(f"no {board.spec} board was found in any of the {len(corners.views)} images: {reasons[0]}")
-    report_missing(corners)
+        check_output(Path(output), force=force, is_ours=is_corner_table, inputs=files)
+    corners = detect_with_progress(files, board, mirrored, workers)
     if output != "-":
         write_corner_table(output, corners)
     elif not as_json:
         write_corner_table(sys.stdout, corners)
     if as_json:
-        print_json(
+        print_json(to_json(corners))
+
+
+def to_json(corners: CornerSet) -> dict[str, Any]:
+    """The object that ``--json`` prints."""
+    return {
+        "format_version": 1,
+        "board": corners.board.spec,
+        "image_size": list(corners.image_size),
+        "images": [
             {
-                "format_version": 1,
-                "board": board.spec,
-                "image_size": list(corners.image_size),
-                "images": [
-                    {
-                        "file": v.name,
-                        "found": v.found,
-                        "corners": len(v),
-                        "reason": v.reason,
-                        "orientation": "assumed" if v.orientation_assumed else "known",
-                        "ambiguous_offset": v.ambiguous_offset,
-                    }
-                    for v in corners.views
-                ],
+                "file": view.name,
+                "found": view.found,
+                "corners": len(view),
+                "reason": view.reason,
+                "orientation": "assumed" if view.orientation_assumed else "known",
+                "ambiguous_offset": view.ambiguous_offset,
             }
-        )
+            for view in corners.views
+        ],
+    }

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from pinholify.cli.options import json_option, print_json
-from pinholify.cli.sources import gather_corners, report_missing
+from pinholify.cli.options import examples, json_option, print_json
+from pinholify.cli.sources import gather_corners
 
 
-@click.command("evaluate", epilog="Example: pinholify evaluate camera.npz photos/ --json")
+@click.command("evaluate", epilog=examples("pinholify evaluate camera.npz photos/ --json"))
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("images", nargs=-1, type=click.Path(path_type=Path))
 @click.option("--corners", "table", metavar="FILE", help="Take corners from a table (.vnl) instead of photographs.")
@@ -39,7 +39,6 @@ def command(
             f"the images are {corners.image_size[0]}x{corners.image_size[1]} and '{camera}' was calibrated at "
             f"{size[0]}x{size[1]}: give images of that size, or calibrate at this one"
         )
-    report_missing(corners)
     evaluation = evaluate(
         calibration,
         corners,

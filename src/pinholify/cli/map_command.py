@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from pinholify.cli.options import say
+from pinholify.cli.options import check_output, examples, force_option, say
+
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.arrays import Floats
+    from pinholify.camera import VirtualCamera
+
+COLUMNS = {
+    "rays": ("x", "y", "z", "std_px"),
+    "virtual": ("x", "y", "std_x", "std_y"),
+    "image": ("u", "v", "std_u", "std_v"),
+}
 
 
-@click.command("map", epilog="Example: echo 'u,v\n100,200' | pinholify map camera.npz --to rays -")
+@click.command("map", epilog=examples(r"printf 'u,v\n100,200\n' | pinholify map camera.npz --to rays -"))
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("points")
 @click.option("--to", "target", type=click.Choice(["virtual", "image", "rays"]), required=True, help="What to map to.")
 @click.option("-o", "output", default="-", show_default=True, help="CSV to write; - is standard output.")
-def command(camera: Path, points: str, target: str, output: str) -> None:
+@force_option
+def command(camera: Path, points: str, target: str, output: str, force: bool) -> None:
     """Map POINTS, a CSV file with a header line (- is standard input), through CAMERA.
 
     To virtual or rays: columns u,v in px. To image: columns x,y in squares of the virtual plane, or x,y,z of rays.
@@ -23,27 +35,36 @@ def command(camera: Path, points: str, target: str, output: str) -> None:
     """
     import numpy as np
 
-    from pinholify.errors import OutputError
     from pinholify.io.camera_file import read_camera
     from pinholify.io.point_tables import read_points, write_points
 
+    if output != "-":
+        check_output(Path(output), force=force, is_ours=is_answer, inputs=(camera, points))
     virtual_camera = read_camera(camera).camera
     rows = read_points(sys.stdin if points == "-" else points, dimensions=None if target == "image" else 2)
-    if target == "rays":
-        header, seen = ("x", "y", "z", "std_px"), virtual_camera.to_rays(rows)
-        columns = np.column_stack([seen.directions, seen.std_px])
-    else:
-        if target == "virtual":
-            header, mapped = ("x", "y", "std_x", "std_y"), virtual_camera.to_virtual(rows)
-        elif rows.shape[1] == 3:
-            header, mapped = ("u", "v", "std_u", "std_v"), virtual_camera.from_rays(rows)
-        else:
-            header, mapped = ("u", "v", "std_u", "std_v"), virtual_camera.from_virtual(rows)
-        columns = np.column_stack([mapped.points, mapped.std])
-    if output not in ("-", points) or output == "-":
-        write_points(sys.stdout if output == "-" else output, header, columns)
-    else:
-        raise OutputError(f"'{output}' is the input as well; write to another file")
-    missing = int((~np.isfinite(columns[:, :2])).any(axis=1).sum())
+    answer = mapped(virtual_camera, rows, target)
+    write_points(sys.stdout if output == "-" else output, COLUMNS[target], answer)
+    missing = int(np.isnan(answer[:, :2]).any(axis=1).sum())
     if missing:
-        say(f"{missing} of {len(columns)} points have no answer (nan)")
+        say(f"{missing} of {len(answer)} points have no answer (nan)")
+
+
+def mapped(camera: VirtualCamera, rows: Floats, target: str) -> Floats:
+    """The rows (n, 4) that answer ``rows`` (n, 2 or 3), in the columns of ``target``."""
+    import numpy as np
+
+    if target == "rays":
+        seen = camera.to_rays(rows)
+        return np.column_stack([seen.directions, seen.std_px])
+    if target == "virtual":
+        points = camera.to_virtual(rows)
+    else:
+        points = camera.from_rays(rows) if rows.shape[1] == 3 else camera.from_virtual(rows)
+    return np.column_stack([points.points, points.std])
+
+
+def is_answer(path: Path) -> bool:
+    """Whether the file looks like an earlier answer of this command."""
+    with open(path, "rb") as file:
+        start = file.read(64)
+    return any(start.startswith((",".join(names) + "\n").encode()) for names in COLUMNS.values())

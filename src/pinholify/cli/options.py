@@ -4,71 +4,57 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pinholify.board import Board, parse_board
 from pinholify.errors import BoardError, OutputError
+
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.board import Board
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 
-class BoardType(click.ParamType):
-    """A board such as 15x9."""
+def board(text: str) -> Board:
+    """A board such as 15x9; raises BadParameter with what may be written."""
+    from pinholify.board import parse_board
 
-    name = "board"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Board:
-        """The board, or a usage error that says what may be written."""
-        try:
-            return parse_board(value) if isinstance(value, str) else value
-        except BoardError as error:
-            self.fail(str(error), param, ctx)
+    try:
+        return parse_board(text)
+    except BoardError as error:
+        raise click.BadParameter(str(error)) from None
 
 
-class SizeType(click.ParamType):
-    """A size in px such as 1920x1080."""
-
-    name = "WxH"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        """(width, height)."""
-        if isinstance(value, tuple):
-            return value
-        match = re.fullmatch(r"([1-9]\d{0,5})[xX×]([1-9]\d{0,5})", value)
-        if match is None:
-            self.fail(f"'{value}' is no size; write width x height in px, for example 1920x1080", param, ctx)
-        return int(match[1]), int(match[2])
+def size(text: str) -> tuple[int, int]:
+    """(width, height) in px of a text such as 1920x1080; raises BadParameter."""
+    match = re.fullmatch(r"([1-9]\d{0,5})[xX×]([1-9]\d{0,5})", text)
+    if match is None:
+        raise click.BadParameter(f"'{text}' is no size; write width x height in px, for example 1920x1080")
+    return int(match[1]), int(match[2])
 
 
-class LengthType(click.ParamType):
-    """A length such as 25mm; without a unit, millimetres."""
-
-    name = "length"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Millimetres."""
-        if isinstance(value, float):
-            return value
-        match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(mm|cm|m|in)?", value)
-        length = float(match[1]) * LENGTHS[match[2] or "mm"] if match else 0.0
-        if length <= 0:
-            self.fail(f"'{value}' is no length; write for example 25mm, 2.5cm or 1in", param, ctx)
-        return length
+def length(text: str) -> float:
+    """Millimetres of a text such as 25mm, itself millimetres without a unit; raises BadParameter."""
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(mm|cm|m|in)?", text)
+    millimetres = float(match[1]) * LENGTHS[match[2] or "mm"] if match else 0.0
+    if millimetres <= 0:
+        raise click.BadParameter(f"'{text}' is no length; write for example 25mm, 2.5cm or 1in")
+    return millimetres
 
 
 def board_option(function: F) -> F:
     """``--board``, required."""
     return click.option(
-        "--board", type=BoardType(), required=True, help="Inner corners of the board, columns x rows, e.g. 15x9."
+        "--board", type=board, required=True, help="Inner corners of the board, columns x rows, e.g. 15x9."
     )(function)
 
 
@@ -106,10 +92,32 @@ def progress(description: str, total: int | None) -> Iterator[Callable[[], None]
         yield lambda: bar.advance(task)
 
 
-def check_replaceable(path: Path, force: bool, is_ours: Callable[[Path], bool]) -> None:
-    """Raise OutputError when ``path`` is a file that may not be replaced: one that is not of the kind to be written."""
-    if path.exists() and not force and not path.is_dir() and path.stat().st_size and not is_ours(path):
+def check_output(
+    path: Path,
+    *,
+    force: bool,
+    is_ours: Callable[[Path], bool] = lambda _: False,
+    inputs: Iterable[str | Path] = (),
+) -> None:
+    """Raise OutputError, before any work, where ``path`` may not be written.
+
+    That is where it cannot be written, where it is one of the ``inputs``, and, unless ``force``, where it holds
+    something already that ``is_ours`` does not know as an earlier result of the same kind.
+    """
+    from pinholify.io.files import check_writable
+
+    check_writable(path)
+    if not path.exists():
+        return
+    if any(os.path.exists(source) and path.samefile(source) for source in inputs):
+        raise OutputError(f"'{path}' is one of the inputs; write to another file")
+    if not force and path.stat().st_size and not is_ours(path):
         raise OutputError(f"'{path}' is already there and is something else; choose another name, or say --force")
+
+
+def examples(*lines: str) -> str:
+    """The end of a help text: ``lines`` to type, each kept in one piece."""
+    return "\b\n" + "\n  ".join(["Example:" if len(lines) == 1 else "Examples:", *lines])
 
 
 def say(text: str) -> None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from pinholify.evaluation.summary import Evaluation
+
+ASIDE_SHOWN = 8
 
 
 def to_json(evaluation: Evaluation) -> dict[str, Any]:
@@ -66,52 +69,80 @@ def to_json(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def print_evaluation(evaluation: Evaluation) -> None:
-    """The evaluation for people, on standard output."""
-    console = Console(highlight=False)
-    calibration, pooled = evaluation.calibration, evaluation.pooled
-    k, std = calibration.camera.intrinsics, calibration.intrinsics_std
+    """The evaluation for people, on standard output; lines are never broken, and coloured only on a terminal."""
+    console = Console(highlight=False, soft_wrap=True)
+    calibration = evaluation.calibration
     used = sum(b.used for b in evaluation.boards)
     found = sum(b.corners > 0 for b in evaluation.boards)
     console.print(
-        f"[bold]{calibration.method}[/] camera from [bold]{calibration.reference}[/]: {used} of {found} boards count "
-        f"({len(evaluation.boards)} images), trend {calibration.trend}, kernel {calibration.kernel}"
+        f"[bold]{calibration.method}[/] camera from [bold]{escape(calibration.reference)}[/]: "
+        f"{used} of {found} boards count ({len(evaluation.boards)} images)"
     )
-    for name, value, error in zip(("f", "uc", "vc"), (k.f, k.uc, k.vc), std, strict=True):
-        console.print(f"  {name:2s} = {value:.5f} ± {error:.5f} squares{_millimetres(value, calibration.square_mm)}")
-    console.print(
-        f"  corner noise {calibration.camera.noise_px:.3f} px   CE {pooled.ce * 1e4:.3f}e-4   "
-        f"RE {pooled.re_percent:.3f} % closed form, {pooled.re_refined_percent:.3f} % refined "
-        f"({pooled.re_px:.3f} px)" + _pinholeness(evaluation)
-    )
+    for name, value in _facts(evaluation):
+        console.print(f"  {name:12s} {value}")
     console.print(_comparison(evaluation))
     if evaluation.heldout_px is None and evaluation.heldout_reason:
-        console.print(f"  no held-out error: {evaluation.heldout_reason}")
-    for board in evaluation.boards:
-        if not board.used:
-            console.print(f"  [dim]{board.file} does not count: {board.reason}[/]", soft_wrap=True)
+        console.print(f"  no held-out error: {escape(evaluation.heldout_reason)}")
+    for line in _set_aside(evaluation):
+        console.print(f"  [dim]{escape(line)}[/]")
+
+
+def _facts(evaluation: Evaluation) -> list[tuple[str, str]]:
+    """What is said in a line each: its name and its value."""
+    calibration, pooled, rest = evaluation.calibration, evaluation.pooled, evaluation.pooled_without_reference
+    k = calibration.camera.intrinsics
+    lengths = zip(("f", "uc", "vc"), (k.f, k.uc, k.vc), calibration.intrinsics_std, strict=True)
+    facts = [("trend", f"{calibration.trend}, kernel {calibration.kernel}")]
+    facts += [
+        (name, f"{value:.5f} ± {std:.5f} squares{_millimetres(value, calibration.square_mm)}")
+        for name, value, std in lengths
+    ]
+    facts += [
+        ("noise", f"{calibration.camera.noise_px:.3f} px"),
+        ("CE", f"{pooled.ce * 1e4:.3f}e-4 ({rest.ce * 1e4:.3f}e-4 without the reference)"),
+        ("RE", f"{pooled.re_percent:.3f} % closed form"),
+        ("RE, refined", f"{pooled.re_refined_percent:.3f} % ({pooled.re_px:.3f} px)"),
+    ]
+    if evaluation.pinholeness is not None:
+        facts.append(("pinholeness", f"{evaluation.pinholeness:.2e} of f"))
+    if evaluation.kfold_px is not None:
+        facts.append(("held out", f"{evaluation.kfold_px:.3f} px over five folds"))
+    return facts
+
+
+def _set_aside(evaluation: Evaluation) -> list[str]:
+    """Boards that were found and do not count, and why; a long list is cut."""
+    aside = [b for b in evaluation.boards if b.corners and not b.used]
+    lines = [f"{b.file} does not count: {b.reason}" for b in aside[:ASIDE_SHOWN]]
+    more = len(aside) - len(lines)
+    return lines + ([f"{more} more do not count; --json tells why for each"] if more else [])
 
 
 def _millimetres(squares: float, square_mm: float | None) -> str:
     return "" if square_mm is None else f"  ({squares * square_mm:.3f} mm)"
 
 
-def _pinholeness(evaluation: Evaluation) -> str:
-    return "" if evaluation.pinholeness is None else f"   pinholeness {evaluation.pinholeness:.2e} f"
-
-
 def _comparison(evaluation: Evaluation) -> Table:
     """Held-out and in-sample errors, never in one column."""
+    pooled = evaluation.pooled
+    made_from_these = _boards_are_those_of_the_camera(evaluation)
     table = Table("model", "held out, px", "in sample, px", "RE in sample, %", box=None, pad_edge=True)
     table.add_row(
         f"pinholify {evaluation.calibration.method}",
         _number(evaluation.heldout_px),
-        _number(evaluation.pooled.re_px),
-        _number(evaluation.pooled.re_refined_percent),
+        _number(pooled.re_px if made_from_these else None),
+        _number(pooled.re_refined_percent if made_from_these else None),
         style="bold",
     )
     for name, score in evaluation.opencv.items():
         table.add_row(name, _number(score.heldout_px), _number(score.insample_px), _number(score.re_percent))
     return table
+
+
+def _boards_are_those_of_the_camera(evaluation: Evaluation) -> bool:
+    """Whether the camera was made from these boards: on others its error is not in-sample."""
+    known = {view.name: len(view) for view in evaluation.calibration.corner_set.views}
+    return all(known.get(board.file) == board.corners for board in evaluation.boards if board.used)
 
 
 def _number(value: float | None) -> str:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from pinholify.cli.options import force_option, progress
+from pinholify.cli.options import examples, force_option, progress
 from pinholify.errors import OutputError
 
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.simulation.datasets import Dataset
 
-@click.command("simulate", epilog="Example: pinholify simulate unity-barrel -o barrel/")
+
+@click.command("simulate", epilog=examples("pinholify simulate unity-barrel -o data/"))
 @click.argument("name")
 @click.option("-o", "folder", type=click.Path(path_type=Path), required=True, help="Folder to write into.")
 @click.option("--views", type=click.IntRange(1), help="Only the first so many photographs.")
@@ -35,7 +40,7 @@ def command(name: str, folder: Path, views: int | None, force: bool) -> None:
         click.echo(f"wrote {count} photographs of {dataset.title} into {folder / dataset.name}")
 
 
-def write_dataset(dataset, folder: Path, count: int, advance) -> None:  # type: ignore[no-untyped-def]
+def write_dataset(dataset: Dataset, folder: Path, count: int, advance: Callable[[], None]) -> None:
     """One data set into its own folder."""
     import numpy as np
 

@@ -2,26 +2,44 @@
 
 from __future__ import annotations
 
+import sys
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from pinholify.board import Board
 from pinholify.cli.options import progress, say
-from pinholify.corners import CornerSet
+from pinholify.errors import CalibrationError, CornerTableError
+
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.board import Board
+    from pinholify.corners import CornerSet
+
+NAMES_SHOWN = 4
+REASONS_SHOWN = 8
+
+
+def input_files(images: Sequence[Path], table: str | None) -> list[Path]:
+    """The files that would be read: images, those of folders too, or the table."""
+    from pinholify.io.images import image_paths
+
+    if bool(images) == (table is not None):
+        raise click.UsageError("give either IMAGES or --corners FILE")
+    return image_paths(images) if table is None else [Path(table)]
 
 
 def detect_with_progress(
     images: Sequence[Path], board: Board, mirrored: bool, workers: int | None = None
 ) -> CornerSet:
-    """The corners of ``board`` in files and folders of images."""
+    """The corners of ``board`` in image files; says which show none, and raises CalibrationError if all do."""
     from pinholify.detection import detect_files
-    from pinholify.io.images import image_paths
 
-    paths = image_paths(images)
-    with progress("Looking for boards", len(paths)) as advance:
-        return detect_files(paths, board, mirrored=mirrored, workers=workers, on_result=lambda _: advance())
+    with progress("Looking for boards", len(images)) as advance:
+        corners = detect_files(images, board, mirrored=mirrored, workers=workers, on_result=lambda _: advance())
+    check_found(corners)
+    return corners
 
 
 def gather_corners(
@@ -31,27 +49,67 @@ def gather_corners(
     image_size: tuple[int, int] | None,
     mirrored: bool,
 ) -> CornerSet:
-    """Corners from photographs or from a table (``-`` is standard input), whichever was given."""
-    import sys
+    """Corners from photographs or from a table (``-`` is standard input), whichever was given.
 
+    Says which images show no board, and raises CalibrationError if none does.
+    """
     from pinholify.io.corner_tables import read_corner_table
 
-    if bool(images) == (table is not None):
-        raise click.UsageError("give either IMAGES or --corners FILE")
+    files = input_files(images, table)
     if table is None:
         if image_size is not None:
             raise click.UsageError("--image-size goes with --corners; photographs tell their own size")
-        return detect_with_progress(images, board, mirrored)
+        return detect_with_progress(files, board, mirrored)
     if image_size is None:
         raise click.UsageError("--corners needs --image-size WxH: a table does not tell the size of the images")
-    return read_corner_table(sys.stdin if table == "-" else table, board=board, image_size=image_size)
+    corners = read_corner_table(sys.stdin if table == "-" else table, board=board, image_size=image_size)
+    check_inside(corners)
+    check_found(corners)
+    return corners
 
 
-def report_missing(corners: CornerSet) -> None:
-    """Say which images show no board, and why."""
+def check_inside(corners: CornerSet) -> None:
+    """Raise CornerTableError where a corner lies outside images of the size that was given."""
+    width, height = corners.image_size
+    for view in corners.found:
+        outside = ((view.uv < -1.0) | (view.uv > (width, height))).any(axis=1)
+        if outside.any():
+            u, v = view.uv[outside][0]
+            raise CornerTableError(
+                f"'{view.name}' has a corner at ({u:.1f}, {v:.1f}), outside an image of {width}x{height}: "
+                "give the size of the photographs with --image-size"
+            )
+
+
+def check_found(corners: CornerSet) -> None:
+    """Say which images show no board, and why, in few lines; raise CalibrationError where none shows one."""
+    reasons: dict[str, list[str]] = defaultdict(list)
     for view in corners.views:
         if not view.found:
-            say(f"{view.name}: {view.reason or 'no board found'}")
+            reasons[view.reason or "no board found"].append(view.name)
+    ordered = sorted(reasons.items(), key=lambda item: -len(item[1]))
+    if not corners.found:
+        raise CalibrationError(_nowhere(corners, ordered))
+    for reason, names in ordered[:REASONS_SHOWN]:
+        say(f"{_listed(names)}: {reason}")
+    more = sum(len(names) for _, names in ordered[REASONS_SHOWN:])
+    if more:
+        say(f"{more} more images show no board; 'pinholify detect --json' tells why for each")
+
+
+def _nowhere(corners: CornerSet, reasons: list[tuple[str, list[str]]]) -> str:
+    reason, names = reasons[0]
+    where = f"in any of the {len(corners.views)} images" if len(corners.views) > 1 else f"in '{names[0]}'"
+    count = "" if len(names) == len(corners.views) else f"{len(names)} times: "
+    return (
+        f"no {corners.board.spec} board was found {where} ({count}{reason}); check the board's size (inner corners, "
+        "columns x rows) and that it is sharp and well lit"
+    )
+
+
+def _listed(names: list[str]) -> str:
+    more = len(names) - NAMES_SHOWN
+    return ", ".join(names[:NAMES_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def is_corner_table(path: Path) -> bool:

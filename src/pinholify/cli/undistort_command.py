@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from pinholify.cli.options import SizeType, force_option, json_option, print_json, progress, say
-from pinholify.errors import ImageError, InputError, OutputError, PinholifyError
+from pinholify.cli import options
+from pinholify.cli.options import examples, force_option, json_option, print_json, progress, say
+from pinholify.errors import ImageError, InputError, OutputError
+
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.rectification.straightener import Straightener
 
 JPEG = (".jpg", ".jpeg")
 
 
-@click.command("undistort", epilog="Example: pinholify undistort camera.npz photos/*.jpg -o straight/ --max-std 1")
+@click.command("undistort", epilog=examples("pinholify undistort camera.npz photos/*.jpg -o straight/ --max-std 1"))
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("images", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "folder", type=click.Path(path_type=Path), required=True, help="Folder to write into.")
@@ -24,7 +29,7 @@ JPEG = (".jpg", ".jpeg")
     show_default=True,
     help="Look along the optical axis, or straight at the reference board.",
 )
-@click.option("--size", type=SizeType(), help="Size of the result in px; the image's by default.")
+@click.option("--size", type=options.size, metavar="WxH", help="Size of the result in px; the image's by default.")
 @click.option(
     "--method",
     type=click.Choice(["remap", "splat"]),
@@ -56,6 +61,7 @@ def command(
     are done; the exit status is then 1.
     """
     from pinholify.io.camera_file import read_camera
+    from pinholify.io.files import check_writable
     from pinholify.io.images import image_paths
     from pinholify.rectification.straightener import Straightener
 
@@ -64,24 +70,32 @@ def command(
     check_targets(paths, targets, force)
     straighten = Straightener(read_camera(camera).camera, view, size=size, method=method, max_std=max_std)
     prepare_folder(folder)
+    for target in targets:
+        check_writable(target)
     failures: dict[str, str] = {}
     with progress("Straightening", len(paths)) as advance:
         for path, target in zip(paths, targets, strict=True):
             try:
                 straighten_file(straighten, path, target)
-            except OutputError:
-                raise
-            except PinholifyError as error:
+            except ImageError as error:
                 failures[str(path)] = str(error)
-                say(f"{path}: {error}")
             advance()
     if as_json:
         done = [str(t) for p, t in zip(paths, targets, strict=True) if str(p) not in failures]
         print_json({"format_version": 1, "written": done, "failed": failures})
-    else:
+    elif len(failures) < len(paths):
         click.echo(f"wrote {len(paths) - len(failures)} images into {folder}")
     if failures:
-        raise ImageError(f"{len(failures)} of {len(paths)} images could not be straightened; see above")
+        raise ImageError(summary_of(failures, len(paths)))
+
+
+def summary_of(failures: dict[str, str], total: int) -> str:
+    """One sentence about images that failed; where there are several, all are listed before it."""
+    if len(failures) > 1:
+        for error in failures.values():
+            say(error)
+    first = next(iter(failures.values()))
+    return first if total == 1 else f"{len(failures)} of {total} images could not be straightened: {first}"
 
 
 def output_path(folder: Path, path: Path) -> Path:
@@ -110,8 +124,13 @@ def prepare_folder(folder: Path) -> None:
         raise OutputError(f"the folder '{folder}' cannot be made: {error.strerror}; choose another") from None
 
 
-def straighten_file(straighten, path: Path, target: Path) -> None:  # type: ignore[no-untyped-def]
-    """One photograph from file to file."""
+def straighten_file(straighten: Straightener, path: Path, target: Path) -> None:
+    """One photograph from file to file; raises ImageError, which names it, for one that is no image of the camera."""
     from pinholify.io.images import read_image, write_image
 
-    write_image(target, straighten(read_image(path)))
+    image = read_image(path)
+    try:
+        straight = straighten(image)
+    except ImageError as error:
+        raise ImageError(f"'{path}': {error}") from None
+    write_image(target, straight)

@@ -8,6 +8,7 @@ code. A new kernel, trend or map is one more line there.
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import os
 import zipfile
@@ -32,6 +33,10 @@ from pinholify.gp.maps import AdditiveMap, DisplacementMap, Scaling
 from pinholify.gp.regression import GaussianProcess
 from pinholify.gp.trends import Homography, Lens, Polynomial
 from pinholify.io.files import atomic_path
+from pinholify.refinement import JointMap
+from pinholify.refinement.basis import SineBasis
+from pinholify.refinement.observations import ImageFrame
+from pinholify.refinement.trends import Angles, LensTrend, Plane, PolynomialTrend
 
 FORMAT = "pinholify-camera"
 FORMAT_VERSION = 1
@@ -42,20 +47,27 @@ TYPES: dict[str, type[Any]] = {
     for cls in (
         AdditiveMap,
         AngleChart,
+        Angles,
         Calibration,
         ConvexRegion,
         DisplacementMap,
         Domain,
         GaussianProcess,
         Homography,
+        ImageFrame,
         Intrinsics,
+        JointMap,
         Lens,
+        LensTrend,
         Matern32,
         Matern52,
+        Plane,
         PlaneChart,
         Polynomial,
+        PolynomialTrend,
         RationalQuadratic,
         Scaling,
+        SineBasis,
         SquaredExponential,
         VirtualCamera,
     )
@@ -97,11 +109,20 @@ def read_camera(path: str | os.PathLike[str]) -> Calibration:
             f"'{name}' has camera format {version} and this pinholify reads up to {FORMAT_VERSION}: upgrade pinholify"
         )
     try:
-        calibration = _decode(header["calibration"], arrays)
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, RecursionError, PinholifyError) as error:
-        raise CameraFileError(f"'{name}' is damaged ({error}); calibrate again or fetch the file again") from None
+        return _checked(_decode(header["calibration"], arrays))
+    except Exception as error:  # whatever is wrong in the file, and however it shows, it is the file's fault
+        raise CameraFileError(
+            f"'{name}' is damaged ({type(error).__name__}: {error}); calibrate again or fetch the file again"
+        ) from None
+
+
+def _checked(calibration: Any) -> Calibration:
+    """``calibration``, which must be one, after a trial of its camera; raises any error where the parts do not fit."""
     if not isinstance(calibration, Calibration):
-        raise CameraFileError(f"'{name}' holds no calibration; calibrate again or fetch the file again")
+        raise TypeError(f"a {type(calibration).__name__} where a calibration is needed")
+    hull = calibration.camera.domain.hull.vertices
+    if not np.isfinite(calibration.camera.to_rays(hull).directions).all():
+        raise ValueError("the camera sees nothing")
     return calibration
 
 
@@ -119,19 +140,31 @@ def _load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     if not path.exists():
         raise CameraFileError(f"there is no camera file '{path}'; check the path")
     try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > MAX_BYTES:
-                raise CameraFileError(f"'{path}' would unpack to more than {MAX_BYTES >> 20} MiB; it is no camera of ours")
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {key: archive[key] for key in archive.files}
+        arrays = _arrays(path)
         header = json.loads(arrays.pop("header").tobytes().decode())
     except PinholifyError:
         raise
     except OSError as error:
         raise CameraFileError(f"'{path}' cannot be read: {error.strerror or error}; check the file") from None
     except Exception:  # a foreign or damaged archive fails in many ways, none of them the user's concern
-        raise CameraFileError(f"'{path}' is no pinholify camera, or is cut short; give a file that 'calibrate' wrote") from None
+        raise CameraFileError(
+            f"'{path}' is no pinholify camera, or is cut short; give a file that 'pinholify calibrate' wrote"
+        ) from None
     return (header if isinstance(header, dict) else {}), arrays
+
+
+def _arrays(path: Path) -> dict[str, Any]:
+    """All arrays of an archive. Each entry is read to its end, or its checksum would not be looked at."""
+    with zipfile.ZipFile(path) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > MAX_BYTES:
+            raise CameraFileError(
+                f"'{path}' would unpack to more than {MAX_BYTES >> 20} MiB and is no camera of ours; "
+                "give a file that 'pinholify calibrate' wrote"
+            )
+        return {
+            name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
+            for name in archive.namelist()
+        }
 
 
 # --- objects to JSON and back -----------------------------------------------------------------------------------
@@ -143,9 +176,10 @@ def _encode(value: Any, path: str, arrays: dict[str, Any]) -> Any:
         return {"array": path}
     if isinstance(value, CornerSet):
         return _encode_corners(value, path, arrays)
-    if type(value).__name__ in TYPES:
-        fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-        return {"type": type(value).__name__, "fields": {k: _encode(v, f"{path}.{k}", arrays) for k, v in fields.items()}}
+    kind = type(value).__name__
+    if kind in TYPES:
+        names = [field.name for field in dataclasses.fields(value)]
+        return {"type": kind, "fields": {n: _encode(getattr(value, n), f"{path}.{n}", arrays) for n in names}}
     if isinstance(value, dict):
         return {"dict": {k: _encode(v, f"{path}.{k}", arrays) for k, v in value.items()}}
     if isinstance(value, (tuple, list)):
@@ -154,7 +188,7 @@ def _encode(value: Any, path: str, arrays: dict[str, Any]) -> Any:
         return value.item()
     if isinstance(value, (str, int, float, bool, NoneType)):
         return value
-    raise TypeError(f"a {type(value).__name__} cannot be kept in a camera file; add it to TYPES")
+    raise TypeError(f"a {kind} cannot be kept in a camera file; add it to TYPES")
 
 
 def _decode(value: Any, arrays: dict[str, Any]) -> Any:
@@ -194,7 +228,8 @@ def _decode_corners(value: dict[str, Any], arrays: dict[str, Any]) -> CornerSet:
     board: Board = parse_board(value["board"])
     width, height = (int(n) for n in value["image_size"])
     parts = zip(value["views"], _split(value, arrays), strict=True)
-    return CornerSet(board, (width, height), tuple(Corners(ids=i, uv=u, weights=w, **texts) for texts, (i, u, w) in parts))
+    views = tuple(Corners(ids=i, uv=u, weights=w, **texts) for texts, (i, u, w) in parts)
+    return CornerSet(board, (width, height), views)
 
 
 def _split(value: dict[str, Any], arrays: dict[str, Any]) -> Iterator[tuple[Any, Any, Any]]:

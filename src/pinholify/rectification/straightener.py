@@ -11,13 +11,20 @@ from pinholify.rectification.views import View, named_view
 
 METHODS = ("remap", "splat")
 
+LARGEST_SIDE = 32766
+"""px; OpenCV resamples no larger image."""
+
+MAX_PIXELS = 200_000_000
+"""A larger result is refused: its map alone would take gigabytes."""
+
 
 @dataclass(slots=True)
 class Straightener:
     """Takes images of ``camera`` to the view called ``view_name`` (``camera`` or ``board``).
 
     ``size`` (width, height) px of the result defaults to the image's. ``method`` is ``remap`` (backward, cubic) or
-    ``splat`` (the paper's). ``max_std`` px replaces the camera's domain as the limit of what is shown.
+    ``splat`` (the paper's). ``max_std`` px replaces the camera's domain as the limit of what is shown. Raises
+    InputError for a name that is not known and for a size that is too large.
     """
 
     camera: VirtualCamera
@@ -31,6 +38,12 @@ class Straightener:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"'{self.method}' is no way to straighten; there are: {', '.join(METHODS)}")
+        width, height = self.size or self.camera.image_size
+        if max(width, height) > LARGEST_SIDE or width * height > MAX_PIXELS:
+            raise InputError(
+                f"a result of {width}x{height} was asked for where sides of at most {LARGEST_SIDE} px and "
+                f"{MAX_PIXELS // 1_000_000} megapixels can be made; choose a smaller size"
+            )
         self.view = named_view(self.camera, self.view_name, self.size, self.max_std)
 
     def __call__(self, image: Image) -> Image:
