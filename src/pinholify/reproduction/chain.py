@@ -1,0 +1,86 @@
+"""One data set from rendered photographs to numbers: corners from pixels, and the camera made twice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+
+from pinholify.calibration.result import Calibration
+from pinholify.corners import CornerSet
+from pinholify.detection import detect_files
+from pinholify.evaluation.summary import Evaluation, evaluate
+from pinholify.geometry import Pose
+from pinholify.pipeline import calibrate
+from pinholify.reproduction.photographs import photograph_files, render_photographs, rendered_before
+from pinholify.reproduction.truth import CornerErrors, TruthErrors, corner_errors, numbered_poses, truth_errors
+from pinholify.simulation.datasets import Dataset, mirrored
+
+Watch = Callable[[str, int | None], AbstractContextManager[Callable[[], None]]]
+"""Told what is being done and in how many parts; gives the function to call after each."""
+
+PAPERS, OURS = "constant", "auto"
+"""The trends of the two calibrations: the paper's constant mean, and our default."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attempt:
+    """One calibration of a data set, scored on all its boards and against truth."""
+
+    evaluation: Evaluation
+    truth: TruthErrors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reproduced:
+    """A data set gone through the whole chain: ``paper`` by the paper's method, ``ours`` with the default trend."""
+
+    dataset: Dataset
+    files: tuple[Path, ...]
+    corner_set: CornerSet
+    corner_errors: CornerErrors
+    paper: Attempt
+    ours: Attempt
+
+
+def reproduce_dataset(
+    dataset: Dataset, views: int, folder: Path, watch: Watch, *, workers: int | None = None
+) -> Reproduced:
+    """Render the first ``views`` photographs under ``folder``, find their corners, calibrate twice and score.
+
+    The first photograph, whose board fills the frame, is the reference. OpenCV's models are fitted once, as both
+    calibrations count the same boards.
+    """
+    files = photograph_files(dataset, views, folder)
+    if not rendered_before(dataset, files):
+        with watch(f"{dataset.title}: rendering", views) as advance:
+            render_photographs(dataset, files, advance)
+    with watch(f"{dataset.title}: finding corners", views) as advance:
+        corner_set = detect_files(
+            files,
+            dataset.board,
+            mirrored=mirrored(dataset.lens),
+            workers=workers,
+            on_result=lambda _: advance(),
+        )
+    poses = numbered_poses(dataset, corner_set)
+    with watch(f"{dataset.title}: calibrating", 2) as advance:
+        paper = _attempt(dataset, corner_set, poses, PAPERS, compare_opencv=False)
+        advance()
+        ours = _attempt(dataset, corner_set, poses, OURS, compare_opencv=True)
+        advance()
+    return Reproduced(dataset, tuple(files), corner_set, corner_errors(dataset, corner_set, poses), paper, ours)
+
+
+def _attempt(
+    dataset: Dataset, corner_set: CornerSet, poses: dict[str, Pose], trend: str, *, compare_opencv: bool
+) -> Attempt:
+    def again(part: CornerSet, reference: str) -> Calibration:
+        return calibrate(
+            part, method="one-image", trend=trend, reference=reference, mirrored=mirrored(dataset.lens)
+        )
+
+    calibration = again(corner_set, corner_set.views[0].name)
+    evaluation = evaluate(calibration, corner_set, recalibrate=again, compare_opencv=compare_opencv)
+    return Attempt(evaluation, truth_errors(dataset, evaluation, poses))

@@ -1,0 +1,62 @@
+"""The rendered photographs on disk: made once, and taken up again by a later run of the same version."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from pinholify import __version__
+from pinholify.errors import OutputError
+from pinholify.io.files import writing_text
+from pinholify.io.images import write_image
+from pinholify.simulation.datasets import Dataset
+
+RECORD = "rendered.json"
+
+
+def photograph_files(dataset: Dataset, views: int, folder: Path) -> list[Path]:
+    """Where the first ``views`` photographs of ``dataset`` belong under ``folder``; PNG keeps every grey value."""
+    width, height = dataset.lens.size
+    home = folder / f"{dataset.name}-{width}x{height}"
+    return [home / f"{dataset.name}-{i:02d}.png" for i in range(views)]
+
+
+def rendered_before(dataset: Dataset, files: list[Path]) -> bool:
+    """Whether an earlier run of this version finished rendering ``files`` from the very same recipe."""
+    try:
+        record = json.loads((files[0].parent / RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    same = isinstance(record, dict) and record.get("recipe") == _recipe(dataset)
+    return same and all(path.is_file() for path in files)
+
+
+def render_photographs(dataset: Dataset, files: list[Path], advance: Callable[[], object]) -> None:
+    """Render ``files``, each written whole or not at all; the record that they are complete comes last.
+
+    Raises OutputError where the folder cannot be written.
+    """
+    home = make_folder(files[0].parent)
+    record = home / RECORD
+    record.unlink(missing_ok=True)
+    for path, picture in zip(files, dataset.photographs(len(files)), strict=True):
+        write_image(path, picture.image)
+        advance()
+    with writing_text(record) as file:
+        json.dump({"version": __version__, "recipe": _recipe(dataset), "views": len(files)}, file)
+
+
+def make_folder(folder: Path) -> Path:
+    """The folder, made where it is not there; raises OutputError where it cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"the folder '{folder}' cannot be made: {error.strerror}; choose another with -o") from None
+    return folder
+
+
+def _recipe(dataset: Dataset) -> str:
+    """A digest of the version and of all that the photographs depend on."""
+    return hashlib.sha256(f"{__version__} {dataset!r}".encode()).hexdigest()
