@@ -13,7 +13,7 @@ from pinholify.refinement import JointResult, refine
 METHODS = ("auto", "joint", "one-image")
 FEWEST_FOR_JOINT = 4
 
-Progress = Callable[[str], object]
+Progress = Callable[[str], None]
 
 
 def calibrate(
@@ -25,7 +25,7 @@ def calibrate(
     trend: str = "auto",
     mirrored: bool = False,
     square_mm: float | None = None,
-    progress: Progress = lambda _: None,
+    progress: Progress | None = None,
 ) -> Calibration:
     """A perfect pinhole camera from the corners of several photographs of one board.
 
@@ -44,9 +44,7 @@ def calibrate(
             corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
         )
     name = reference_view(corner_set, reference).name
-    result = refine(
-        corner_set, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=lambda t: progress(t) and None
-    )
+    result = refine(corner_set, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=progress)
     return _calibration(result, corner_set, name, square_mm)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -11,6 +12,10 @@ from scipy.optimize import minimize
 from pinholify.arrays import Floats
 from pinholify.gp.kernels import Kernel
 from pinholify.gp.regression import Data, GaussianProcess, condition, likelihood_and_gradient
+
+
+TRIAL_STEPS = 10
+MAXIMUM_STEPS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +88,10 @@ def maximise_likelihood(
         gradient[: len(slope)] -= slope
         return penalty - value, -gradient
 
-    runs = [
-        minimize(loss, np.clip(start.log_parameters(kernel), low, high), jac=True, method="L-BFGS-B", bounds=bounds)
-        for start in starts
-    ]
-    best = min(runs, key=lambda run: float(run.fun)).x
+    def descend(parameters: Floats, steps: int) -> Any:
+        return minimize(loss, parameters, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": steps})
+
+    # Most starts lead to one maximum: all go a few steps, and only the best goes on to the end.
+    trials = [descend(np.clip(start.log_parameters(kernel), low, high), TRIAL_STEPS) for start in starts]
+    best = descend(min(trials, key=lambda run: float(run.fun)).x, MAXIMUM_STEPS).x
     return condition(kernel.with_log_parameters(best[:-1]), float(np.exp(best[-1])), observed)

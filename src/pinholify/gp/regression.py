@@ -195,8 +195,9 @@ def likelihood_and_gradient(
     """
     covariance, derivatives = kernel.covariance_and_gradients(squared_differences)
     gp = _solve(kernel, noise_std, observed, covariance)
-    inverse = np.tril(dpotri(gp.cholesky, lower=1)[0])
-    inverse += np.tril(inverse, -1).T
+    # Every dC is symmetric, so what lies below the diagonal of C⁻¹ counts twice and the upper part need not be filled.
+    inverse = 2.0 * dpotri(gp.cholesky, lower=1)[0]
+    inverse[np.diag_indices(len(inverse))] /= 2.0
     # dL = ½ Σ_ij dC_ij S_ij with S = Σ_outputs (w wᵀ + V Vᵀ) − m C⁻¹, V = C⁻¹F A^(−T/2)   (R&W 5.9, 2.45)
     sensitivity = gp.weights.T @ gp.weights - len(gp.weights) * inverse
     if len(gp.coefficients):

@@ -16,7 +16,7 @@ class Kernel(ABC):
     """A stationary kernel σ² ρ(s), s = Σ_d ((x_d − x'_d)/l_d)², over inputs of any dimension.
 
     ``std`` is σ. ``length_scale`` is l: a (1,) array for an isotropic kernel, (d,) for one scale a dimension
-    (automatic relevance determination). A subclass supplies :meth:`correlation` and :meth:`slope`; one with a further
+    (automatic relevance determination). A subclass supplies :meth:`correlation_and_slope`; one with a further
     shape parameter extends :attr:`log_parameters`, :meth:`with_log_parameters` and :meth:`correlation_gradients`.
     """
 
@@ -24,12 +24,8 @@ class Kernel(ABC):
     length_scale: Floats = field(default_factory=lambda: np.ones(1))
 
     @abstractmethod
-    def correlation(self, s: Floats) -> Floats:
-        """ρ(s), elementwise; ρ(0) = 1."""
-
-    @abstractmethod
-    def slope(self, s: Floats) -> Floats:
-        """dρ/ds, elementwise."""
+    def correlation_and_slope(self, s: Floats) -> tuple[Floats, Floats]:
+        """ρ(s) and dρ/ds, elementwise; ρ(0) = 1."""
 
     @property
     def log_parameters(self) -> Floats:
@@ -52,12 +48,12 @@ class Kernel(ABC):
 
     def covariance(self, x: Floats, x2: Floats) -> Floats:
         """k(x, x2), (n, m), for points ``x`` (n, d) and ``x2`` (m, d)."""
-        return self.std**2 * self.correlation(self.scaled(self.squared_differences(x, x2)))
+        return self.std**2 * self.correlation_and_slope(self.scaled(self.squared_differences(x, x2)))[0]
 
     def input_gradient(self, x: Floats, x2: Floats) -> Floats:
         """∂k(x, x2)/∂x, (d, n, m)."""
         s = self.scaled(self.squared_differences(x, x2))
-        factor = 2.0 * self.std**2 * self.slope(s)
+        factor = 2.0 * self.std**2 * self.correlation_and_slope(s)[1]
         scales = np.broadcast_to(self.length_scale, (x.shape[1],))
         return np.stack(
             [factor * np.subtract.outer(a, b) / scale**2 for a, b, scale in zip(x.T, x2.T, scales, strict=True)]
@@ -66,8 +62,7 @@ class Kernel(ABC):
     def covariance_and_gradients(self, squared_differences: Floats) -> tuple[Floats, list[Floats]]:
         """k at :meth:`squared_differences`, (n, m), and ∂k/∂log parameter, each (n, m), in parameter order."""
         s = self.scaled(squared_differences)
-        covariance = self.std**2 * self.correlation(s)
-        slope = self.std**2 * self.slope(s)
+        covariance, slope = (self.std**2 * part for part in self.correlation_and_slope(s))
         by_scale = [
             slope * d2 * (-2.0 / scale**2) for d2, scale in zip(squared_differences, self.length_scale, strict=True)
         ]

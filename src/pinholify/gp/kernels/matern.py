@@ -13,14 +13,11 @@ class Matern32(Kernel):
 
     __slots__ = ()
 
-    def correlation(self, s: Floats) -> Floats:
-        """ρ(s)."""
+    def correlation_and_slope(self, s: Floats) -> tuple[Floats, Floats]:
+        """ρ(s) and dρ/ds."""
         r = np.sqrt(3.0 * s)
-        return (1.0 + r) * np.exp(-r)
-
-    def slope(self, s: Floats) -> Floats:
-        """dρ/ds."""
-        return -1.5 * np.exp(-np.sqrt(3.0 * s))
+        decay = np.exp(-r)
+        return (1.0 + r) * decay, -1.5 * decay
 
 
 class Matern52(Kernel):
@@ -28,12 +25,8 @@ class Matern52(Kernel):
 
     __slots__ = ()
 
-    def correlation(self, s: Floats) -> Floats:
-        """ρ(s)."""
+    def correlation_and_slope(self, s: Floats) -> tuple[Floats, Floats]:
+        """ρ(s) and dρ/ds."""
         r = np.sqrt(5.0 * s)
-        return (1.0 + r + r**2 / 3.0) * np.exp(-r)
-
-    def slope(self, s: Floats) -> Floats:
-        """dρ/ds."""
-        r = np.sqrt(5.0 * s)
-        return -(5.0 / 6.0) * (1.0 + r) * np.exp(-r)
+        decay = np.exp(-r)
+        return (1.0 + r + r**2 / 3.0) * decay, -(5.0 / 6.0) * (1.0 + r) * decay

@@ -17,13 +17,11 @@ class RationalQuadratic(Kernel):
 
     alpha: float = 1.0
 
-    def correlation(self, s: Floats) -> Floats:
-        """ρ(s)."""
-        return np.asarray((1.0 + s / (2.0 * self.alpha)) ** -self.alpha)
-
-    def slope(self, s: Floats) -> Floats:
-        """dρ/ds."""
-        return np.asarray(-0.5 * (1.0 + s / (2.0 * self.alpha)) ** (-self.alpha - 1.0))
+    def correlation_and_slope(self, s: Floats) -> tuple[Floats, Floats]:
+        """ρ(s) and dρ/ds."""
+        base = 1.0 + s / (2.0 * self.alpha)
+        correlation = base**-self.alpha
+        return correlation, -0.5 * correlation / base
 
     @property
     def log_parameters(self) -> Floats:
@@ -38,4 +36,4 @@ class RationalQuadratic(Kernel):
     def correlation_gradients(self, s: Floats) -> list[Floats]:
         """∂ρ/∂log α."""
         base = 1.0 + s / (2.0 * self.alpha)
-        return [self.correlation(s) * (s / (2.0 * base) - self.alpha * np.log(base))]
+        return [self.correlation_and_slope(s)[0] * (s / (2.0 * base) - self.alpha * np.log(base))]

@@ -13,10 +13,7 @@ class SquaredExponential(Kernel):
 
     __slots__ = ()
 
-    def correlation(self, s: Floats) -> Floats:
-        """ρ(s)."""
-        return np.exp(-0.5 * s)
-
-    def slope(self, s: Floats) -> Floats:
-        """dρ/ds."""
-        return -0.5 * np.exp(-0.5 * s)
+    def correlation_and_slope(self, s: Floats) -> tuple[Floats, Floats]:
+        """ρ(s) and dρ/ds."""
+        correlation = np.exp(-0.5 * s)
+        return correlation, -0.5 * correlation
