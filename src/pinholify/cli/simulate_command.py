@@ -23,7 +23,8 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
 def command(name: str, folder: Path, views: int | None, force: bool) -> None:
     """Render the data set NAME (or all) of the paper's six: photographs, true corners, true camera.
 
-    Writes NAME/*.png or .jpg, NAME/corners.vnl and NAME/truth.npz (rays of a grid of pixels, f, uc, vc).
+    Writes NAME/*.png (also of cameras that send JPEG, whose traces are in the pixels: it must not be applied twice),
+    NAME/corners.vnl and NAME/truth.npz (rays of a grid of pixels, f, uc, vc).
     """
     from pinholify.simulation.datasets import DATASETS
 
@@ -51,10 +52,9 @@ def write_dataset(dataset: Dataset, folder: Path, count: int, advance: Callable[
     from pinholify.io.images import write_image
 
     prepare_folder(folder)
-    ending = "png" if dataset.sensor.jpeg_quality is None else "jpg"
     views = []
     for picture in dataset.photographs(count):
-        name = f"{picture.name}.{ending}"
+        name = f"{picture.name}.png"
         write_image(folder / name, picture.image)
         views.append(Corners(name, np.arange(len(picture.corners)), picture.corners))
         advance()
