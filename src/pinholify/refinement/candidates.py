@@ -35,6 +35,7 @@ from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
 SCREENING_LENGTH_SCALE = 0.2  # the shortest that screening resolves, in half diagonals of the image
 FIRST_LENGTH_SCALE = 0.4
+PATIENCE = 2  # orders without gain after which higher ones are not tried
 WORTH = 3.0  # nats that the process must bring for its two parameters
 CONTENDERS, WINDOW = 6, 40.0  # how many of the best get a closer look, and how many nats behind the best
 
@@ -80,7 +81,7 @@ class Candidate:
         return self.log_evidence - (WORTH if len(self.hyperparameters.kernel) else 0.0)
 
 
-def solve_trend(setting: Setting, trend: Trend, known: Solution, seen: Observations, loss: Loss) -> Solution | None:
+def solve_trend(setting: Setting, trend: Trend, known: Solution, seen: Observations) -> Solution | None:
     """The joint solve of ``trend`` alone from the rays that ``known`` gives its corners; None where it does
     not fit.
     """
@@ -92,11 +93,11 @@ def solve_trend(setting: Setting, trend: Trend, known: Solution, seen: Observati
     state = State(
         np.zeros((0, 2)),
         beta,
-        known.state.eta,
+        known.state.eta if known.model.shape == setting.shape else np.zeros(len(setting.shape.prior_std)),
         turn @ known.state.rotations,
         known.state.translations @ turn.T,
     )
-    return minimise(model, state, seen, model.trend_precision(), loss)
+    return minimise(model, state, seen, model.trend_precision(), Loss())
 
 
 def linearise_with(model: Model, solution: Solution, basis: SineBasis, seen: Observations) -> Linearised:
@@ -123,7 +124,7 @@ class Solved:
 
 def solve(setting: Setting, search: Search, known: Solution, seen: Observations) -> Solved | None:
     """``search`` without process; None where it does not fit."""
-    solution = solve_trend(setting, search.general, known, seen, Loss())
+    solution = solve_trend(setting, search.general, known, seen)
     if solution is None:
         return None
     basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE)
@@ -166,7 +167,7 @@ def candidates(
 
     A later stage is solved only where no trend of those before suffices without the process.
     """
-    sufficient = False
+    sufficient, start = False, None
     for searches in stages:
         if sufficient:
             return
@@ -176,26 +177,38 @@ def candidates(
             yield from each.plain
             if sufficient:
                 continue
-            found = list(_with_process(setting, each))
+            found = list(_with_process(setting, each, start or _first_guess(setting, each)))
             yield from found
-            strongest_with = max((candidate.log_evidence for candidate in found), default=-np.inf)
-            sufficient = sufficient or strongest_with < strongest + WORTH
+            if not found:
+                continue
+            best = max(found, key=lambda candidate: candidate.log_evidence)
+            sufficient = best.log_evidence < strongest + WORTH
+            start = best.hyperparameters
 
 
-def _with_process(setting: Setting, solved: Solved) -> Iterator[Candidate]:
-    """The best trend of each order with the process; each starts from the one before."""
+def _first_guess(setting: Setting, solved: Solved) -> Hyperparameters:
+    """A process as strong as what the best trend leaves."""
     noise = solved.plain[0].hyperparameters.noise
-    start = Hyperparameters(np.log([noise, *[FIRST_LENGTH_SCALE] * setting.scales]), noise)
-    for order in dict.fromkeys(candidate.trend.order for candidate in solved.plain):
+    return Hyperparameters(np.log([noise, *[FIRST_LENGTH_SCALE] * setting.scales]), noise)
+
+
+def _with_process(setting: Setting, solved: Solved, start: Hyperparameters) -> Iterator[Candidate]:
+    """The best trend of each order with the process, rising until more order has twice not helped."""
+    best, worse = -np.inf, 0
+    for order in sorted({candidate.trend.order for candidate in solved.plain}):
         plain = next(candidate for candidate in solved.plain if candidate.trend.order == order)
         problem = solved.problem.without(_removed(solved.trend, plain.trend, solved.problem))
         fit = maximise_evidence(
-            problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE
+            problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE, most=15
         )
         start = fit.hyperparameters
         found = _candidate(setting, plain.trend, solved.solution, problem, fit)
         if found is not None:
             yield found
+        worse = worse + 1 if fit.log_evidence < best else 0
+        best = max(best, fit.log_evidence)
+        if worse == PATIENCE:
+            return
 
 
 def contest(setting: Setting, tried: Sequence[Candidate], seen: Observations) -> list[Candidate]:
@@ -217,7 +230,7 @@ def contest(setting: Setting, tried: Sequence[Candidate], seen: Observations) ->
 def _closer(setting: Setting, leader: Candidate, seen: Observations) -> Candidate | None:
     """The best trend around ``leader``, linearised where that is solved."""
     search = leader.trend.around()
-    solution = solve_trend(setting, search.general, leader.origin, seen, Loss())
+    solution = solve_trend(setting, search.general, leader.origin, seen)
     if solution is None:
         return None
     hyper = leader.hyperparameters

@@ -63,6 +63,7 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
             raise CalibrationError("no board agrees with the others: look for a wrong board size")
         seen = everything.select(keep)
         kept = np.isin(np.arange(everything.boards), everything.view[keep])
+        best = replace(best, hyperparameters=settled.hyperparameters)
         settled = settle(setting, best, seen, _at(settled, state.of_boards(kept), seen))
     state, residual = _judged(settled, seen, everything)
     inside = dict(zip(everything.names, everything.slices(), strict=True))

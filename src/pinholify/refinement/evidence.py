@@ -24,6 +24,7 @@ STD_RANGE = (1e-7, 0.3)  # of the process, in normalised image units
 NOISE_RANGE = (1e-8, 0.1)
 LONGEST = 1.0
 NOISE_ROUNDS = 3
+LARGEST_LOG_PRECISION = 100.0  # of a weight that the process cannot have
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +105,8 @@ def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
     Raises numpy.linalg.LinAlgError where double precision does not suffice.
     """
     root = precision**-0.5
-    scaled = at.matrix * (root[:, None] * root / noise**2)
+    scaled = at.matrix * (root / noise)
+    scaled *= (root / noise)[:, None]
     scaled[np.diag_indices(len(root))] += 1.0
     cholesky = np.linalg.cholesky(scaled)
     b = (at.right / noise**2 - precision * at.theta) * root
@@ -132,7 +134,7 @@ class Hyperparameters:
         """Prior precision (D,) of all globals; ``rest`` is that of (β, η)."""
         if not len(frequencies):
             return rest
-        weights = np.exp(-density(self.kernel, frequencies)[0])
+        weights = np.exp(np.minimum(-density(self.kernel, frequencies)[0], LARGEST_LOG_PRECISION))
         return np.concatenate([weights, weights, rest])
 
 
@@ -167,29 +169,37 @@ def maximise_evidence(
     ``shortest`` is the penalised-complexity prior exp(−shortest/l); ``resolved`` the shortest length scale
     that the functions of ``at`` can carry.
     """
-    scales = len(start.kernel) - 1
-    bounds = (
-        [STD_RANGE, *[(resolved, max(LONGEST, resolved))] * scales, NOISE_RANGE] if len(start.kernel) else [NOISE_RANGE]
-    )
-    low, high = np.log(np.array(bounds)).T
+    # The evidence is far steeper in the noise than in the rest: in units of the noise's own uncertainty it is not.
+    units = np.append(np.ones(len(start.kernel)), np.sqrt(1.0 / at.rows))
+    low, high = _log_bounds(len(start.kernel) - 1, resolved) / units
 
-    def loss(parameters: Floats) -> tuple[float, Floats]:
+    def loss(scaled: Floats) -> tuple[float, Floats]:
+        parameters = scaled * units
         trial = Hyperparameters(parameters[:-1], float(np.exp(parameters[-1])))
         try:
-            return _negative_log_evidence(at, density, trial, shortest)
-        except np.linalg.LinAlgError:
+            value, gradient = _negative_log_evidence(at, density, trial, shortest)
+        except np.linalg.LinAlgError:  # no longer positive definite in double precision: not a place to be
             return 1e25, np.zeros(len(parameters))
+        return value, gradient * units
 
-    first = np.clip(np.append(start.kernel, np.log(start.noise)), low, high)
+    first = np.clip(np.append(start.kernel, np.log(start.noise)) / units, low, high)
     found = minimize(
         loss,
         first,
         jac=True,
         method="L-BFGS-B",
         bounds=list(zip(low, high, strict=True)),
-        options={"maxiter": most, "ftol": 1e-9, "gtol": 1e-2},
+        options={"maxiter": most, "ftol": 1e-7, "gtol": 1e-2},
     )
-    return Fit(Hyperparameters(found.x[:-1], float(np.exp(found.x[-1]))), -float(found.fun))
+    parameters = found.x * units
+    return Fit(Hyperparameters(parameters[:-1], float(np.exp(parameters[-1]))), -float(found.fun))
+
+
+def _log_bounds(scales: int, resolved: float) -> Floats:
+    """Bounds (2, p) of the log parameters of a kernel of ``scales`` length scales, and of the log noise."""
+    length = (resolved, max(LONGEST, resolved))
+    kernel = [STD_RANGE, *[length] * scales] if scales > 0 else []
+    return np.asarray(np.log([*kernel, NOISE_RANGE]).T)
 
 
 def _negative_log_evidence(

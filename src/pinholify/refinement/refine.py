@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from pinholify.board import lattice
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
-from pinholify.refinement.candidates import Setting, candidates, contest
+from pinholify.refinement.candidates import Candidate, Setting, candidates, contest
 from pinholify.refinement.cleaning import Cleaned, clean, screen
 from pinholify.refinement.observations import (
     ImageFrame,
@@ -31,12 +31,14 @@ from pinholify.refinement.result import (
 )
 from pinholify.refinement.settle import best_shape
 from pinholify.refinement.shape import board_shape
+from pinholify.refinement.solver import Solution
 from pinholify.refinement.spectral import density_named
 from pinholify.refinement.start import first_solution
-from pinholify.refinement.trends import searches_named
+from pinholify.refinement.trends import Search, searches_named
 
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
+MANY = 0.005  # of the corners, found wrong only by the full solve, that call for a second choice of the trend
 
 Progress = Callable[[str], None]
 
@@ -68,24 +70,35 @@ def refine(
     first = first_solution(setting, everything)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
     seen, known = screen(setting, first, everything)
-    tried = []
-    for candidate in candidates(setting, stages, known, seen):
+    finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
+    if len(cleaned.seen.view) < (1.0 - MANY) * len(seen.view):
+        say("many corners were wrong: choosing the trend again without them")
+        seen, known = cleaned.seen, cleaned.settled.solution
+        finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
+    for candidate in finalists:
         say(f"trend {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
-        tried.append(candidate)
-    finalists = contest(setting, tried, seen)
+    _check(reference, [v for v in views if v.name in cleaned.seen.names], {**unusable, **cleaned.misfits})
+    say(f"noise {cleaned.settled.hyperparameters.noise * frame.scale:.4g} px with trend {finalists[0].name}")
+    evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in finalists)
+    return _result(corner_set, cleaned, everything, frame, reference, kernel, evidences, unusable)
+
+
+def _refined(
+    setting: Setting,
+    stages: Sequence[Sequence[Search]],
+    known: Solution,
+    seen: Observations,
+    everything: Observations,
+    trend: str,
+) -> tuple[list[Candidate], Cleaned]:
+    """The finalists, best first, and the best one solved in full and cleaned."""
+    finalists = contest(setting, list(candidates(setting, stages, known, seen)), seen)
     if not finalists:
         raise CalibrationError(
             f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"
         )
-    for candidate in finalists:
-        say(f"  finalist {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
-    best = finalists[0]
-    setting = replace(setting, shape=best_shape(setting, best))
-    cleaned = clean(setting, best, seen, everything)
-    _check(reference, [v for v in views if v.name in cleaned.seen.names], {**unusable, **cleaned.misfits})
-    say(f"noise {cleaned.settled.hyperparameters.noise * frame.scale:.4g} px with trend {best.name}")
-    evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in tried)
-    return _result(corner_set, cleaned, everything, frame, reference, kernel, evidences, unusable)
+    shaped = replace(setting, shape=best_shape(setting, finalists[0]))
+    return finalists, clean(shaped, finalists[0], seen, everything)
 
 
 def _check(reference: str, views: list[Corners], unusable: Mapping[str, str]) -> None:

@@ -67,8 +67,7 @@ def settle(setting: Setting, candidate: Candidate, seen: Observations, known: So
 
     Raises CalibrationError where the solve breaks down.
     """
-    start = _narrowed(setting, candidate.origin) if known is None else known
-    plain = solve_trend(setting, candidate.trend, start, seen, Loss())
+    plain = solve_trend(setting, candidate.trend, known or candidate.origin, seen)
     if plain is None:
         raise CalibrationError(f"the joint solve with trend {candidate.trend.name} broke down")
     hyperparameters, state = candidate.hyperparameters, plain.state
@@ -95,12 +94,6 @@ def settle(setting: Setting, candidate: Candidate, seen: Observations, known: So
     frequencies = settled.model.basis.frequencies
     precision = hyperparameters.precision(setting.density, frequencies, settled.problem.precision)
     return replace(settled, hyperparameters=hyperparameters, log_evidence=fit.log_evidence, precision=precision)
-
-
-def _narrowed(setting: Setting, origin: Solution) -> Solution:
-    """``origin`` with a flat board of the setting's shape; what it loses, the solve finds again."""
-    state = origin.state
-    return replace(origin, state=replace(state, eta=np.zeros(len(setting.shape.prior_std))))
 
 
 def _solve(

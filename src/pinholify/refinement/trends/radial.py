@@ -37,7 +37,7 @@ SERIES = 1e-3  # |z| below which T is its series
 POLE = (np.pi / 2) ** 2
 TABLE = np.linspace(0.0, 4.0, 401)  # radii of the table from which the radial inverse starts
 NEWTON_STEPS = 3
-HIGHEST, HIGHEST_TANGENT = 6, 2  # radial coefficients
+HIGHEST, HIGHEST_TANGENT = 6, 1  # radial coefficients
 MARGIN = 1.1  # of the image, in which a trend may not fold
 
 
