@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
+from pinholify.board import lattice
 from pinholify.calibration.one_image import calibrate_one_image, reference_view
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
@@ -59,6 +62,8 @@ def _calibration(result: JointResult, corner_set: CornerSet, reference: str, squ
         "board_stretch": shape.stretch,
         "board_bow_mm": None if shape.bow is None or square_mm is None else shape.bow * square_mm,
     }
+    flat_points, middle = lattice(corner_set.board), lattice(corner_set.board).mean(axis=0)
+    stretched = middle + (flat_points - middle) * [1.0, 1.0 + (shape.stretch or 0.0)]
     return Calibration(
         result.camera,
         corner_set,
@@ -69,5 +74,6 @@ def _calibration(result: JointResult, corner_set: CornerSet, reference: str, squ
         result.intrinsics_std,
         result.camera.intrinsics,
         square_mm,
+        np.column_stack([stretched, shape.height]),
         details,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,12 +10,16 @@ import numpy as np
 from pinholify.arrays import Bools, Floats
 from pinholify.board import Board
 from pinholify.calibration.poses import Sighting, refine_pose
+from pinholify.calibration.result import flat
 from pinholify.calibration.zhang import pose_from_homography
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
 from pinholify.corners import Corners, CornerSet
 from pinholify.geometry import Pose, apply_homography, estimate_homography, homography_jacobian
 from pinholify.gp.maps import PlaneMap
+
+Solid = Callable[[Floats], Floats]
+"""Lattice points (n, 2) → points of the board (n, 3), both in squares."""
 
 MINIMUM_CORNERS = 8
 MINIMUM_INSIDE = 0.9
@@ -45,12 +50,16 @@ class MappedBoard:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservedBoard:
-    """A used board with its pose, in closed form and refined; both camera_from_board in squares."""
+    """A used board with its pose, in closed form and refined; both camera_from_board in squares.
+
+    ``projected`` (m, 2) are the virtual points where the refined pose puts its corners.
+    """
 
     board: MappedBoard
     closed_form: Pose
     refined: Pose
     refined_covariance: Floats
+    projected: Floats
 
 
 def unused(view: Corners, reason: str, inside: Bools | None = None) -> MappedBoard:
@@ -105,8 +114,13 @@ def without_wrong_corners(boards: list[MappedBoard], corner_set: CornerSet) -> l
     ]
 
 
-def observe(camera: VirtualCamera, corner_set: CornerSet) -> tuple[list[MappedBoard], dict[str, ObservedBoard]]:
-    """All boards of ``corner_set`` as ``camera`` sees them, and the poses of those that count, by name."""
+def observe(
+    camera: VirtualCamera, corner_set: CornerSet, solid: Solid = flat
+) -> tuple[list[MappedBoard], dict[str, ObservedBoard]]:
+    """All boards of ``corner_set`` as ``camera`` sees them, and the poses of those that count, by name.
+
+    ``solid`` takes lattice points (n, 2) to the board's points (n, 3); boards are flat unless it says otherwise.
+    """
     inside = [camera.inside(view.uv) for view in corner_set.views]
     mapped = [
         map_board(
@@ -119,25 +133,22 @@ def observe(camera: VirtualCamera, corner_set: CornerSet) -> tuple[list[MappedBo
         for view, keep in zip(corner_set.views, inside, strict=True)
     ]
     mapped = without_wrong_corners(mapped, corner_set)
-    return mapped, {b.name: locate(camera, b) for b in mapped if b.used}
+    return mapped, {b.name: locate(camera, b, solid) for b in mapped if b.used}
 
 
-def sighting(camera: VirtualCamera, board: MappedBoard) -> Sighting:
-    """What ``camera`` saw of ``board``, in its chart's coordinates."""
-    return sighting_of(camera, board.lattice, board.uv)
-
-
-def sighting_of(camera: VirtualCamera, lattice: Floats, uv: Floats) -> Sighting:
-    """What ``camera`` saw of lattice points (n, 2) at pixels ``uv`` (n, 2)."""
+def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:
+    """What ``camera`` saw of ``target`` points, (n, 2) on a plane or (n, 3), at pixels ``uv`` (n, 2)."""
     whitening: Floats = np.asarray(np.linalg.inv(camera.plane_map.jacobian(uv)), dtype=np.float64)
-    return Sighting(lattice, camera.plane_map.value(uv), whitening)
+    return Sighting(target, camera.plane_map.value(uv), whitening)
 
 
-def locate(camera: VirtualCamera, board: MappedBoard) -> ObservedBoard:
-    """The poses of a used board."""
+def locate(camera: VirtualCamera, board: MappedBoard, solid: Solid = flat) -> ObservedBoard:
+    """The poses of a used board: in closed form as if it were flat, refined on its ``solid`` points."""
     closed = pose_from_homography(board.homography, camera.intrinsics)
-    refined, covariance = refine_pose(sighting(camera, board), closed, camera.chart)
-    return ObservedBoard(board, closed, refined, covariance)
+    points = solid(board.lattice)
+    refined, covariance = refine_pose(sighting_of(camera, points, board.uv), closed, camera.chart)
+    projected = camera.intrinsics.project(refined.apply(points))
+    return ObservedBoard(board, closed, refined, covariance, projected)
 
 
 def estimate_pose(camera: VirtualCamera, seen: Sighting) -> tuple[Pose, Floats]:
@@ -152,5 +163,5 @@ def estimate_pose(camera: VirtualCamera, seen: Sighting) -> tuple[Pose, Floats]:
     turn = turn * [1.0, np.sign(np.linalg.det(turn)), 1.0]
     local = directions @ turn
     xy = local[:, :2] / local[:, 2:]
-    start = pose_from_homography(estimate_homography(seen.lattice, xy), Intrinsics(1.0, 0.0, 0.0))
+    start = pose_from_homography(estimate_homography(seen.target[:, :2], xy), Intrinsics(1.0, 0.0, 0.0))
     return refine_pose(seen, Pose(turn @ start.rotation, turn @ start.translation), camera.chart)

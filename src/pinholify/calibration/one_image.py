@@ -76,7 +76,7 @@ def calibrate_one_image(
         "log_evidence": dict(fitted.candidates),
     }
     return Calibration(
-        camera, corner_set, "one-image", kernel, fitted.trend, view.name, std, refined, square_mm, details
+        camera, corner_set, "one-image", kernel, fitted.trend, view.name, std, refined, square_mm, details=details
     )
 
 

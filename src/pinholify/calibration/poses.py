@@ -21,19 +21,20 @@ CONVERGED = 1e-10  # relative decrease of the cost
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """What the camera saw of one board: ``lattice`` (n, 2) squares, ``coordinates`` (n, 2) of the chart,
+    """What the camera saw of one board: its points ``target`` in squares, (n, 2) on its plane or (n, 3) solid,
 
-    ``whitening`` (n, 2, 2) that turns a difference of coordinates into px (times the corner's weight).
+    their ``coordinates`` (n, 2) of the chart, and ``whitening`` (n, 2, 2) that turns a difference of coordinates into
+    px (times the corner's weight).
     """
 
-    lattice: Floats
+    target: Floats
     coordinates: Floats
     whitening: Floats
 
 
 def pose_residuals(sighting: Sighting, pose: Pose, chart: Chart) -> tuple[Floats, Floats]:
     """Residuals (2n,) in px, and their derivative (2n, 6) by a turn about the camera axes and a shift."""
-    turned = sighting.lattice @ pose.rotation[:, :2].T
+    turned = sighting.target @ pose.rotation[:, : sighting.target.shape[1]].T
     points = turned + pose.translation
     by_point = sighting.whitening @ chart.coordinate_jacobian(points)
     residual = sighting.whitening @ (chart.coordinates(points) - sighting.coordinates)[:, :, None]
@@ -126,7 +127,7 @@ def _linearise(sightings: Sequence[Sighting], k: Floats, poses: Sequence[Pose]) 
     blocks = []
     for sighting, pose in zip(sightings, poses, strict=True):
         residual, by_pose = pose_residuals(sighting, pose, PlaneChart(intrinsics))
-        directions = pose.apply(sighting.lattice)
+        directions = pose.apply(sighting.target)
         shape = (directions[:, :2] / directions[:, 2:])[:, :, None]
         by_k = np.concatenate([shape, np.broadcast_to(np.eye(2), (len(shape), 2, 2))], axis=2)
         blocks.append(((sighting.whitening @ by_k).reshape(-1, 3), by_pose, residual))

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from pinholify.arrays import Floats, frozen
+from pinholify.board import lattice
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
 from pinholify.corners import CornerSet
@@ -16,7 +19,8 @@ class Calibration:
 
     ``intrinsics_std`` (3,) are the standard deviations of f, uc, vc in squares, nan where unknown. ``refined`` is K by
     least squares over all boards, reported beside the closed form of the one-image method. ``square_mm`` is the
-    board's square where the user gave it. ``details`` are plain numbers and texts worth keeping (JSON-able).
+    board's square where the user gave it. ``board_points`` (corners, 3) are the board's points by id, in squares: flat
+    unless a method found the board bent or stretched. ``details`` are plain numbers and texts, JSON-able.
     """
 
     camera: VirtualCamera
@@ -28,7 +32,20 @@ class Calibration:
     intrinsics_std: Floats
     refined: Intrinsics
     square_mm: float | None = None
+    board_points: Floats = None  # type: ignore[assignment]  # the flat lattice; an array once made
     details: dict[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "intrinsics_std", frozen(self.intrinsics_std, (3,)))
+        points = flat(lattice(self.corner_set.board)) if self.board_points is None else self.board_points
+        object.__setattr__(self, "board_points", frozen(points, (None, 3)))
+
+    def solid(self, lattice: Floats) -> Floats:
+        """The board's points (n, 3) in squares for lattice coordinates ``lattice`` (n, 2)."""
+        column, row = np.rint(lattice).astype(np.int64).T
+        return np.asarray(self.board_points[row * self.corner_set.board.columns + column])
+
+
+def flat(lattice: Floats) -> Floats:
+    """Lattice points (n, 2) as solid ones (n, 3) with z = 0."""
+    return np.concatenate([lattice, np.zeros((len(lattice), 1))], axis=1)

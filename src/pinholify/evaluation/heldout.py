@@ -10,7 +10,7 @@ import numpy as np
 from pinholify.arrays import Floats
 from pinholify.calibration.observation import estimate_pose, sighting_of
 from pinholify.calibration.poses import pose_residuals
-from pinholify.camera import VirtualCamera
+from pinholify.calibration.result import Calibration
 from pinholify.corners import Corners, CornerSet
 from pinholify.evaluation.baseline import BoardPoints, fit_opencv
 from pinholify.evaluation.measures import rms
@@ -68,11 +68,12 @@ def heldout_rms(residuals: PoseResiduals, splits: Sequence[BoardPoints]) -> floa
     return rms(np.concatenate(found)) if found and len(found) == len(each) else None
 
 
-def camera_residuals(camera: VirtualCamera) -> PoseResiduals:
-    """Residuals through the camera's own Jacobian, after refitting the pose."""
+def camera_residuals(calibration: Calibration) -> PoseResiduals:
+    """Residuals through the camera's own Jacobian, after refitting the pose of the board (as bent as it was found)."""
+    camera = calibration.camera
 
     def residuals(board: BoardPoints) -> Floats | None:
-        sighting = sighting_of(camera, board.lattice, board.uv)
+        sighting = sighting_of(camera, calibration.solid(board.lattice), board.uv)
         pose, _ = estimate_pose(camera, sighting)
         return pose_residuals(sighting, pose, camera.chart)[0].reshape(-1, 2)
 

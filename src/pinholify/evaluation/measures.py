@@ -11,7 +11,7 @@ from pinholify.arrays import Floats
 from pinholify.calibration.observation import ObservedBoard
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
-from pinholify.geometry import Pose, apply_homography, line_distances
+from pinholify.geometry import apply_homography, line_distances
 
 LINES_EACH_WAY = 10
 INLIER = 2.5  # robust standard deviations
@@ -53,14 +53,20 @@ def mean_spacing(lattice: Floats, points: Floats) -> float:
     return float(np.linalg.norm(points[first] - points[second], axis=1).mean())
 
 
-def plane_reprojection_percent(observed: ObservedBoard, pose: Pose, intrinsics: Intrinsics) -> float:
-    """RE of one board: RMS distance in the virtual plane between its points and its lattice projected by ``pose``,
-
-    ÷ the mean spacing of its points, in %.
-    """
+def closed_form_percent(observed: ObservedBoard, intrinsics: Intrinsics) -> float:
+    """RE of one board with its closed-form pose: RMS distance in the virtual plane ÷ mean spacing of its points, %."""
     board = observed.board
-    error = intrinsics.project(pose.apply(board.lattice)) - board.xy
-    return 100.0 * rms(error) / mean_spacing(board.lattice, board.xy)
+    return _percent(observed, intrinsics.project(observed.closed_form.apply(board.lattice)))
+
+
+def refined_percent(observed: ObservedBoard) -> float:
+    """RE of one board with its refined pose, in % of the mean spacing of its points in the virtual plane."""
+    return _percent(observed, observed.projected)
+
+
+def _percent(observed: ObservedBoard, projected: Floats) -> float:
+    board = observed.board
+    return 100.0 * rms(projected - board.xy) / mean_spacing(board.lattice, board.xy)
 
 
 def rms(errors: Floats) -> float:

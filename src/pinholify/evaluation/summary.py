@@ -22,10 +22,11 @@ from pinholify.evaluation.heldout import (
 )
 from pinholify.evaluation.measures import (
     PinholeLines,
+    closed_form_percent,
     collinearity_errors,
     mean_spacing,
     pinhole_lines,
-    plane_reprojection_percent,
+    refined_percent,
     rms,
     root_mean_square,
 )
@@ -100,7 +101,7 @@ def evaluate(
     kfold: bool = False,
 ) -> Evaluation:
     """Score ``calibration`` on ``corner_set``; held-out errors need ``recalibrate``."""
-    mapped, observed = observe(calibration.camera, corner_set)
+    mapped, observed = observe(calibration.camera, corner_set, calibration.solid)
     lines = pinhole_lines(calibration.camera, list(observed.values()))
     views = [v for v in corner_set.views if v.name in observed]
     split = alternating_split(corner_set, views)
@@ -135,8 +136,8 @@ def _board_score(board: MappedBoard, observed: ObservedBoard | None, calibration
         board.corners,
         inside,
         float(collinearity_errors(board.lattice, board.xy).mean()),
-        plane_reprojection_percent(observed, observed.closed_form, intrinsics),
-        plane_reprojection_percent(observed, observed.refined, intrinsics),
+        closed_form_percent(observed, intrinsics),
+        refined_percent(observed),
         board.misfit_px,
     )
 
@@ -145,13 +146,13 @@ def _pooled(observed: dict[str, ObservedBoard], calibration: Calibration) -> Poo
     boards, intrinsics = list(observed.values()), calibration.camera.intrinsics
     lines = [collinearity_errors(o.board.lattice, o.board.xy) for o in boards]
     residuals = [
-        (o.board.whitening @ (intrinsics.project(o.refined.apply(o.board.lattice)) - o.board.xy)[:, :, None])[:, :, 0]
+        (o.board.whitening @ (o.projected - o.board.xy)[:, :, None])[:, :, 0]
         for o in boards
     ]
     return Pooled(
         float(np.concatenate(lines).mean()) if lines else float("nan"),
-        root_mean_square(plane_reprojection_percent(o, o.closed_form, intrinsics) for o in boards),
-        root_mean_square(plane_reprojection_percent(o, o.refined, intrinsics) for o in boards),
+        root_mean_square(closed_form_percent(o, intrinsics) for o in boards),
+        root_mean_square(refined_percent(o) for o in boards),
         rms(np.concatenate(residuals)) if residuals else float("nan"),
     )
 
@@ -165,10 +166,10 @@ def _heldout(
         if not split.test:
             return None, "too few boards to hold some out"
         try:
-            camera = recalibrate(corner_set.with_views(split.train), split.train[0].name).camera
+            trained = recalibrate(corner_set.with_views(split.train), split.train[0].name)
         except PinholifyError as error:
             return None, f"half of the boards do not determine a camera: {error}"
-        value, points = heldout_rms(camera_residuals(camera), split.test), sum(len(b.uv) for b in split.test)
+        value, points = heldout_rms(camera_residuals(trained), split.test), sum(len(b.uv) for b in split.test)
         if value is None:
             return None, "a held-out board could not be located"
         squares, count = squares + value**2 * points, count + points
