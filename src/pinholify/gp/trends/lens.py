@@ -17,7 +17,7 @@ from pinholify.gp.trends.homography import PARAMETERS, Homography, matrix, matri
 
 CENTRE_STD = 0.3
 LOG_RATIO_STD = 0.3
-RADIAL_STD = 1.0
+RADIAL_STD = 0.5  # of k₁; each further order is thought half as large as the one before
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,8 @@ class Lens:
 
     @property
     def prior_std(self) -> Floats:
-        """Weak everywhere."""
-        radial = [RADIAL_STD] * self.order
+        """Weak, and weaker for high orders: lens series converge, and a needless order should cost little."""
+        radial = [RADIAL_STD * 0.5**j for j in range(self.order)]
         return np.concatenate([Homography().prior_std, [CENTRE_STD, CENTRE_STD, LOG_RATIO_STD], radial])
 
     def start(self, x: Floats, y: Floats) -> Floats:
