@@ -15,7 +15,7 @@ import numpy as np
 from pinholify.arrays import Floats, Ints, frozen
 from pinholify.refinement.trends.base import inverse_2x2
 
-BOX = 1.4  # of the image's half size
+MARGIN = 0.35  # of the box around the image, in half diagonals: at the box's edge the process is held at zero
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-13
 REACH = 4.8  # frequencies kept, in inverse length scales: beyond it the SE density is below 1e-5 of its maximum
 
@@ -93,7 +93,7 @@ def _powers(base: np.ndarray, count: int) -> np.ndarray:
 
 def sine_basis(half_size: Floats, length_scale: float) -> SineBasis:
     """The functions that a process of ``length_scale`` or longer needs on an image of ``half_size`` (2,)."""
-    half_box = BOX * half_size
+    half_box = half_size + MARGIN
     j, k = (np.arange(1, int(np.ceil(2.0 * box * REACH / (np.pi * length_scale))) + 1) for box in half_box)
     order = np.stack(np.meshgrid(j, k, indexing="ij"), axis=-1).reshape(-1, 2)
     radius = np.linalg.norm(np.pi * order / (2.0 * half_box), axis=1)
@@ -102,4 +102,4 @@ def sine_basis(half_size: Floats, length_scale: float) -> SineBasis:
 
 def no_basis(half_size: Floats) -> SineBasis:
     """No functions at all: the process is switched off."""
-    return SineBasis(BOX * half_size, np.empty((0, 2), np.int64))
+    return SineBasis(half_size + MARGIN, np.empty((0, 2), np.int64))

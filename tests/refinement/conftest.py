@@ -1,0 +1,100 @@
+"""Small simulated calibrations with known truth; the lenses are written out here, apart from any of the package's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pinholify.arrays import Floats
+from pinholify.board import Checkerboard, lattice
+from pinholify.corners import Corners, CornerSet
+
+SIZE = (800, 600)
+FOCAL = 420.0
+BOARD = Checkerboard(9, 6)
+
+Project = Callable[[Floats], Floats]
+
+
+def pinhole(xyz: Floats) -> Floats:
+    return FOCAL * xyz[:, :2] / xyz[:, 2:] + [401.0, 297.0]
+
+
+def fisheye(xyz: Floats) -> Floats:
+    """Equidistant with a cubic term: 0.75 FOCAL px a radian, rays beyond 90° in the image's corners."""
+    rho = np.hypot(xyz[:, 0], xyz[:, 1]) + 1e-12
+    theta = np.arctan2(rho, xyz[:, 2])
+    radius = 0.75 * FOCAL * theta * (1.0 + 0.03 * theta**2)
+    return xyz[:, :2] * (radius / rho)[:, None] + [396.0, 303.0]
+
+
+def wavy(xyz: Floats) -> Floats:
+    """A pinhole behind a pane that shifts points by up to a px, as no formula of a lens does."""
+    uv = pinhole(xyz)
+    return uv + np.column_stack([np.sin(uv[:, 0] / 61.0 + 0.3) * np.cos(uv[:, 1] / 83.0), np.sin(uv[:, 1] / 71.0)])
+
+
+LENSES: dict[str, Project] = {"pinhole": pinhole, "fisheye": fisheye, "wavy": wavy}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Corners of ``views`` boards under ``project``, true poses of the boards, and the noise in px."""
+
+    project: Project
+    corners: CornerSet
+    rotations: Floats
+    translations: Floats
+    noise: float
+
+
+def make_scene(
+    name: str, *, views: int = 14, noise: float = 0.1, seed: int = 0, bow: float = 0.0, stretch: float = 0.0
+) -> Scene:
+    rng = np.random.default_rng(seed)
+    project = LENSES[name]
+    points = np.column_stack([lattice(BOARD), np.zeros(BOARD.columns * BOARD.rows)])
+    middle = points.mean(axis=0)
+    xi = (points - middle)[:, :2] / middle[:2]
+    shaped = points + np.column_stack([0 * xi[:, 0], stretch * (points - middle)[:, 1], bow * (1 - (xi**2).mean(axis=1))])
+    rotations, translations, corners = [], [], []
+    while len(corners) < views:
+        first = not corners
+        angles = rng.normal(0, 3, 3) if first else np.append(rng.normal(0, 10), rng.uniform(-35, 35, 2))
+        rotation = Rotation.from_euler("zyx", angles, degrees=True).as_matrix()
+        depth = 6.0 if first else rng.uniform(5.0, 11.0)
+        aim = np.zeros(2) if first else rng.uniform(-1.0, 1.0, 2) * (1.6 if name == "fisheye" else 0.7)
+        translation = depth * np.append(aim, 1.0) - rotation @ middle
+        uv = project(shaped @ rotation.T + translation)
+        if not ((uv > 3).all() and (uv < np.array(SIZE) - 4).all()):
+            continue
+        corners.append(Corners(f"view{len(corners):02d}", np.arange(len(uv)), uv + rng.normal(0, noise, uv.shape)))
+        rotations.append(rotation)
+        translations.append(translation)
+    return Scene(project, CornerSet(BOARD, SIZE, tuple(corners)), np.array(rotations), np.array(translations), noise)
+
+
+def true_intrinsics(scene: Scene) -> Floats:
+    """(f, uc, vc) of the virtual camera of the first view's board."""
+    centre = -scene.rotations[0].T @ scene.translations[0]
+    return np.array([-centre[2], centre[0], centre[1]])
+
+
+def ray_errors_px(scene: Scene, uv: Floats, directions: Floats) -> Floats:
+    """Errors (n,) of rays of pixels ``uv`` in the first board's frame, after the best rotation, in px."""
+    from scipy.optimize import least_squares
+
+    def seen(vector: Floats) -> Floats:
+        return (scene.project(Rotation.from_rotvec(vector).apply(directions)) - uv).ravel()
+
+    start = Rotation.from_matrix(scene.rotations[0]).as_rotvec()
+    return np.linalg.norm(least_squares(seen, start).fun.reshape(-1, 2), axis=1)
+
+
+@pytest.fixture(scope="session")
+def scenes() -> dict[str, Scene]:
+    return {name: make_scene(name) for name in LENSES}

@@ -1,0 +1,265 @@
+"""The linear algebra against slow and plain twins: dense least squares, and the marginal likelihood of a dense Gaussian."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from pinholify.board import lattice
+from pinholify.refinement.basis import sine_basis
+from pinholify.refinement.evidence import (
+    Hyperparameters,
+    _negative_log_evidence,
+    linearised,
+    maximise_evidence,
+    posterior,
+    profile_noise,
+)
+from pinholify.refinement.model import Model, State, rotations_of
+from pinholify.refinement.normal import eliminate
+from pinholify.refinement.observations import Observations, image_frame, lattice_middle, observations
+from pinholify.refinement.shape import board_shape
+from pinholify.refinement.solver import Loss, huber_loss, huber_weights, minimise, robust_scale
+from pinholify.refinement.spectral import density_named
+from pinholify.refinement.trends import LensTrend, Plane
+
+from .conftest import BOARD, FOCAL, SIZE, Scene, make_scene
+
+FRAME = image_frame(SIZE, False)
+
+
+def flattened(scene: Scene) -> Observations:
+    return observations(scene.corners.views, BOARD, FRAME)
+
+
+def truth(scene: Scene, model: Model) -> State:
+    """The true state of a pinhole scene under a ``plane`` trend without distortion."""
+    beta = np.zeros(len(model.trend.prior_std))
+    beta[0] = FRAME.scale / FOCAL
+    centre = slice(3, 5) if model.trend.anisotropic else slice(1, 3)
+    beta[centre] = FRAME.normalise(np.array([401.0, 297.0]))
+    middle = np.append(lattice_middle(BOARD), 0.0)
+    eta = np.zeros(len(model.shape.prior_std))
+    weights = np.zeros((len(model.basis), 2))
+    return State(weights, beta, eta, scene.rotations, scene.translations + scene.rotations @ middle)
+
+
+def small_model(length_scale: float = 0.8) -> Model:
+    return Model(LensTrend(Plane(), False, 1), sine_basis(FRAME.half_size, length_scale), board_shape(BOARD))
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return make_scene("pinhole", views=4)
+
+
+def disturbed(model: Model, state: State) -> State:
+    rng = np.random.default_rng(5)
+    theta = 1e-2 * rng.normal(size=len(state.globals))
+    return state.moved(theta, 1e-2 * rng.normal(size=(len(state.rotations), 6)))
+
+
+def test_rotations_of_vectors_are_scipys() -> None:
+    from scipy.spatial.transform import Rotation
+
+    vectors = np.random.default_rng(0).normal(size=(20, 3)) * np.logspace(-9, 0.3, 20)[:, None]
+    np.testing.assert_allclose(rotations_of(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-14)
+
+
+def test_derivatives_of_the_model(scene: Scene) -> None:
+    model, seen = small_model(), flattened(scene)
+    state = disturbed(model, truth(scene, model))
+    at = model.predict(state, seen)
+    linear = model.linearise(state, seen, at)
+    m, size, boards = len(model.basis), len(state.globals), len(scene.rotations)
+    for i, step in enumerate(1e-6 * np.eye(size)):
+        ahead, behind = (model.predict(state.moved(s, np.zeros((boards, 6))), seen).residual for s in (step, -step))
+        if i < 2 * m:
+            expected = np.zeros((len(seen.view), 2))
+            expected[:, i // m] = linear.basis[:, i % m]
+        else:
+            expected = linear.shared[:, :, i - 2 * m]
+        np.testing.assert_allclose(-(ahead - behind) / 2e-6, expected, atol=1e-6)
+    for i, step in enumerate(1e-6 * np.eye(6)):
+        moves = [np.tile(sign * step, (boards, 1)) for sign in (1, -1)]
+        ahead, behind = (model.predict(state.moved(np.zeros(size), move), seen).residual for move in moves)
+        np.testing.assert_allclose(-(ahead - behind) / 2e-6, linear.pose[:, :, i], atol=1e-6)
+
+
+def dense_jacobian(linear, seen: Observations) -> np.ndarray:
+    n, m = linear.basis.shape
+    zero = np.zeros((n, m))
+    globals_ = np.concatenate(
+        [np.stack([np.hstack([linear.basis, zero]), np.hstack([zero, linear.basis])], axis=1), linear.shared], axis=2
+    )
+    poses = np.zeros((n, 2, 6 * seen.boards))
+    for i in range(n):
+        poses[i, :, 6 * seen.view[i] : 6 * seen.view[i] + 6] = linear.pose[i]
+    return np.concatenate([globals_, poses], axis=2).reshape(2 * n, -1)
+
+
+def test_elimination_is_the_dense_schur_complement(scene: Scene) -> None:
+    model, seen = small_model(), flattened(scene)
+    state = disturbed(model, truth(scene, model))
+    at = model.predict(state, seen)
+    linear = model.linearise(state, seen, at)
+    weight = np.random.default_rng(1).uniform(0.5, 1.5, len(seen.view))
+    equations = eliminate(linear, at.residual, weight, seen)
+    jacobian = dense_jacobian(linear, seen) * np.repeat(np.sqrt(weight), 2)[:, None]
+    r = at.residual.ravel() * np.repeat(np.sqrt(weight), 2)
+    size = len(state.globals)
+    hessian, right = jacobian.T @ jacobian, jacobian.T @ r
+    c, e = hessian[size:, size:], hessian[:size, size:]
+    np.testing.assert_allclose(equations.matrix, hessian[:size, :size] - e @ np.linalg.solve(c, e.T), atol=1e-8)
+    np.testing.assert_allclose(equations.right, right[:size] - e @ np.linalg.solve(c, right[size:]), atol=1e-8)
+    np.testing.assert_allclose(equations.log_det_poses, np.linalg.slogdet(c)[1])
+    step = np.random.default_rng(2).normal(size=size)
+    poses = np.linalg.solve(c, right[size:] - e.T @ step)
+    np.testing.assert_allclose(equations.pose_steps(step).ravel(), poses, rtol=1e-6, atol=1e-8)
+
+
+def test_evidence_is_the_marginal_likelihood_of_a_dense_gaussian(scene: Scene) -> None:
+    """Poses get a very wide prior; its volume is the only thing that the evidence leaves out."""
+    model, seen = small_model(), flattened(scene)
+    density, _ = density_named("se")
+    state = truth(scene, model)
+    at = model.predict(state, seen)
+    linear = model.linearise(state, seen, at)
+    equations = eliminate(linear, at.residual, np.ones(len(seen.view)), seen)
+    frequencies = model.basis.frequencies
+    problem = linearised(equations, seen.boards, state.globals, frequencies, model.trend_precision())
+    jacobian, wide = dense_jacobian(linear, seen), 300.0
+
+    def difference(hyper: Hyperparameters) -> float:
+        precision = hyper.precision(density, frequencies, model.trend_precision())
+        prior = np.append(1.0 / precision, np.full(6 * seen.boards, wide**2))
+        covariance = (jacobian * prior) @ jacobian.T + hyper.noise**2 * np.eye(len(jacobian))
+        # y = r + J θ₀ with the prior mean of θ at zero, that of the poses at their present place.
+        y = at.residual.ravel() + jacobian[:, : len(precision)] @ state.globals
+        exact = multivariate_normal(np.zeros(len(y)), covariance).logpdf(y)
+        return exact - posterior(problem, precision, hyper.noise).log_evidence
+
+    one = difference(Hyperparameters(np.log([0.03, 0.8]), 0.02))
+    other = difference(Hyperparameters(np.log([0.1, 1.0]), 0.03))
+    volume = -6 * seen.boards * (np.log(wide) + 0.5 * np.log(2 * np.pi))
+    poses = 0.5 * 6 * seen.boards * np.log(2 * np.pi)
+    np.testing.assert_allclose([one, other], volume + poses, atol=0.05)
+
+
+def test_gradient_of_the_evidence(scene: Scene) -> None:
+    model, seen = small_model(), flattened(scene)
+    density, _ = density_named("se")
+    state = truth(scene, model)
+    at = model.predict(state, seen)
+    equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
+    problem = linearised(
+        equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision()
+    )
+
+    def loss(p: np.ndarray) -> tuple[float, np.ndarray]:
+        return _negative_log_evidence(problem, density, Hyperparameters(p[:2], float(np.exp(p[2]))), 0.1)
+
+    p = np.log([1e-3, 0.8, 2e-4])
+    for i, h in enumerate(1e-5 * np.eye(3)):
+        numeric = (loss(p + h)[0] - loss(p - h)[0]) / 2e-5
+        np.testing.assert_allclose(loss(p)[1][i], numeric, rtol=1e-4, atol=1e-3)
+
+
+def test_removed_unknowns_are_as_if_they_had_never_been(scene: Scene) -> None:
+    big, small = small_model(), Model(LensTrend(Plane(), False, 1, tangent=False), small_model().basis, board_shape(BOARD))
+    seen = flattened(scene)
+    problems = []
+    for model in (big, small):
+        state = truth(scene, model)
+        at = model.predict(state, seen)
+        equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
+        problems.append(
+            linearised(equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision())
+        )
+    removed = np.zeros(len(problems[0].theta), dtype=bool)
+    first = 2 * len(big.basis)
+    removed[first : first + len(big.trend.prior_std)] = ~big.trend.kept(small.trend)
+    cut = problems[0].without(removed)
+    np.testing.assert_allclose(cut.matrix, problems[1].matrix, atol=1e-8)
+    np.testing.assert_allclose(cut.right, problems[1].right, atol=1e-10)
+    assert cut.without_process().frequencies.shape == (0, 2)
+
+
+def test_hyperparameters_and_noise_are_found_again() -> None:
+    """A process and noise of known size, drawn from the model itself."""
+    scene = make_scene("pinhole", views=16, noise=0.0)
+    model, seen = small_model(0.3), flattened(scene)
+    density, _ = density_named("se")
+    state, rng = truth(scene, model), np.random.default_rng(8)
+    at = model.predict(state, seen)
+    true = Hyperparameters(np.log([2e-3, 0.4]), 2e-4)
+    std = np.exp(0.5 * density(true.kernel, model.basis.frequencies)[0])
+    g = model.basis.values(at.undisplaced) @ (std[:, None] * rng.normal(size=(len(std), 2)))
+    residual = g + true.noise * rng.normal(size=g.shape)
+    equations = eliminate(model.linearise(state, seen, at), residual, np.ones(len(seen.view)), seen)
+    problem = linearised(
+        equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision()
+    )
+    start = Hyperparameters(np.log([1e-4, 0.7]), 1e-3)
+    found = maximise_evidence(problem, density, start, shortest=0.0, resolved=0.3).hyperparameters
+    assert found.noise == pytest.approx(true.noise, rel=0.05)
+    np.testing.assert_allclose(found.kernel, true.kernel, atol=0.5)  # the area is but a few length scales wide
+
+
+def test_noise_alone_is_the_fixed_point_of_its_evidence(scene: Scene) -> None:
+    model, seen = small_model(), flattened(scene)
+    state = truth(scene, model)
+    at = model.predict(state, seen)
+    equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
+    problem = linearised(
+        equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision()
+    ).without_process()
+    fit = profile_noise(problem, 1e-2)
+    for factor in (0.98, 1.02):
+        assert posterior(problem, problem.precision, factor * fit.hyperparameters.noise).log_evidence < fit.log_evidence
+
+
+def test_minimise_finds_the_truth_from_afar() -> None:
+    scene = make_scene("pinhole", views=10, noise=0.0)
+    model = Model(LensTrend(Plane(), False, 1, tangent=False), small_model().basis, board_shape(BOARD))
+    seen, true = flattened(scene), truth(scene, model)
+    precision = np.append(np.full(true.weights.size, 1e6), model.trend_precision())
+    found = minimise(model, disturbed(model, true), seen, precision, Loss(1e-6), most_steps=60, tolerance=1e-9)
+    assert found is not None
+    assert np.abs(found.prediction.residual).max() < 1e-7
+
+
+def test_poses_alone_leave_the_camera_alone(scene: Scene) -> None:
+    model, seen = small_model(), flattened(scene)
+    true = truth(scene, model)
+    moved = true.moved(np.zeros(len(true.globals)), np.full((4, 6), 0.02))
+    found = minimise(model, moved, seen, np.ones(len(true.globals)), Loss(1e-3), poses_only=True)
+    assert found is not None
+    np.testing.assert_array_equal(found.state.globals, true.globals)
+    assert found.noise == 1e-3
+    np.testing.assert_allclose(found.state.rotations, true.rotations, atol=2e-3)
+
+
+def test_a_state_that_sees_nothing_is_no_start(scene: Scene) -> None:
+    model, seen = small_model(), flattened(scene)
+    true = truth(scene, model)
+    behind = State(true.weights, true.beta, true.eta, true.rotations, -true.translations)
+    assert minimise(model, behind, seen, np.ones(len(true.globals)), Loss()) is None
+
+
+def test_huber() -> None:
+    length = np.array([0.5, 2.0, 5.0])
+    np.testing.assert_allclose(huber_loss(length, 2.0), [0.25, 4.0, 16.0])
+    np.testing.assert_allclose(huber_loss(length, np.inf), length**2)
+    np.testing.assert_allclose(huber_weights(length, 2.0), [1.0, 1.0, 0.4])
+    draws = np.random.default_rng(0).normal(size=(20000, 2)) * 0.3
+    assert robust_scale(np.linalg.norm(draws, axis=1)) == pytest.approx(0.3, rel=0.02)
+
+
+def test_shape_is_even_and_leaves_planes_to_the_poses() -> None:
+    shape = board_shape(BOARD)
+    points = lattice(BOARD) - lattice_middle(BOARD)
+    eta = np.append(np.random.default_rng(0).normal(size=6), 0.01)
+    np.testing.assert_allclose(shape.height(eta, points), shape.height(eta, -points))
+    numeric = [(shape.points(eta + h, points) - shape.points(eta - h, points)) / 2e-6 for h in 1e-6 * np.eye(7)]
+    np.testing.assert_allclose(shape.jacobian(points), np.stack(numeric, axis=2), atol=1e-8)
+    assert [s.prior_std.size for s in shape.smaller()] == [7, 6, 1, 0]

@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pinholify.errors import InputError
+from pinholify.refinement.trends import FAMILIES, Angles, LensTrend, Plane, Trend, searches_named
+from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
+from pinholify.refinement.trends.radial import Radial, tangent_law
+
+TRENDS = [trend for build in FAMILIES.values() for search in build(3) for trend in search.within]
+HALF = np.array([0.8, 0.6])
+
+
+def example(trend: Trend, size: float = 0.02) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """β, w and c that belong together."""
+    rng = np.random.default_rng(3)
+    w = rng.uniform(-1, 1, (40, 2)) * HALF
+    beta = trend.start(w, 0.8 * w) + rng.normal(0, size, len(trend.prior_std))
+    return beta, w, trend.ray(beta, w)
+
+
+@pytest.mark.parametrize("trend", TRENDS, ids=lambda trend: trend.name)
+def test_image_undoes_ray(trend: Trend) -> None:
+    beta, w, c = example(trend)
+    np.testing.assert_allclose(trend.image(beta, c, w + 0.01), w, atol=1e-10)
+
+
+@pytest.mark.parametrize("trend", TRENDS, ids=lambda trend: trend.name)
+def test_jacobians(trend: Trend) -> None:
+    beta, w, c = example(trend)
+    by_ray, by_beta = trend.jacobians(beta, w, c)
+    for i, h in enumerate(1e-6 * np.eye(2)):
+        numeric = (trend.image(beta, c + h, w) - trend.image(beta, c - h, w)) / 2e-6
+        np.testing.assert_allclose(by_ray[:, :, i], numeric, atol=1e-7)
+    for i, h in enumerate(1e-6 * np.eye(len(beta))):
+        numeric = (trend.image(beta + h, c, w) - trend.image(beta - h, c, w)) / 2e-6
+        np.testing.assert_allclose(by_beta[:, :, i], numeric, atol=1e-7)
+
+
+@pytest.mark.parametrize("build", FAMILIES.values(), ids=FAMILIES.keys())
+def test_a_smaller_trend_is_the_general_one_with_the_others_at_zero(build) -> None:
+    for search in build(None):
+        for trend in search.within:
+            beta, w, _ = example(trend)
+            kept = search.general.kept(trend)
+            padded = np.zeros(len(search.general.prior_std))
+            padded[kept] = beta
+            np.testing.assert_allclose(search.general.ray(padded, w), trend.ray(beta, w), atol=1e-13)
+            np.testing.assert_array_equal(search.general.prior_std[kept], trend.prior_std)
+
+
+def test_names_are_unique() -> None:
+    names = [trend.name for stage in searches_named("auto") for search in stage for trend in search.within]
+    assert len(names) == len(set(names))
+
+
+@given(st.floats(-3.0, 2.0), st.floats(0.0, 1.0))
+@settings(deadline=None)
+def test_tangent_law_and_its_slope(kappa: float, r: float) -> None:
+    r2 = np.array([r**2])
+    value, slope = tangent_law(kappa, r2)
+    z = kappa * r**2
+    exact = 1.0 if z == 0 else np.tan(np.sqrt(z + 0j)).real / np.sqrt(z + 0j).real if z > 0 else (
+        np.tanh(np.sqrt(-z)) / np.sqrt(-z)
+    )
+    np.testing.assert_allclose(value, exact, rtol=1e-9)
+    h = 1e-5
+    numeric = (tangent_law(np.sign(kappa) or 1.0, abs(z) + np.array([h]))[0] - tangent_law(
+        np.sign(kappa) or 1.0, abs(z) - np.array([h]))[0]) / (2 * h) * (np.sign(kappa) or 1.0)
+    np.testing.assert_allclose(slope, numeric, rtol=1e-4, atol=1e-6)
+
+
+def test_tangent_law_in_angles_is_perspective_and_stereographic() -> None:
+    theta = np.linspace(0.0, 1.2, 20)
+    for kappa, radius in ((1.0, np.tan(theta)), (0.25, 2.0 * np.tan(theta / 2.0))):
+        moved = Radial(0.0, kappa, np.empty(0)).value(np.column_stack([theta, 0 * theta]))
+        np.testing.assert_allclose(moved[:, 0], radius, rtol=1e-12)
+
+
+def test_radial_inverse_ends_where_the_radius_turns_back() -> None:
+    radial = Radial(0.0, 0.0, np.array([-0.3]))  # r (1 − 0.3 r²) grows up to r = 1.054 and 0.703
+    inside, beyond = radial.inverse(np.array([[0.69, 0.0], [0.72, 0.0]]))
+    assert np.isfinite(inside).all()
+    assert np.isnan(beyond).all()
+
+
+def test_a_trend_that_folds_in_the_image_is_refused() -> None:
+    trend = LensTrend(Plane(), False, 1, anisotropic=False, tilted=False, elliptic=False, tangent=False)
+    assert trend.folds(np.array([1.0, 0.0, 0.0, -0.4]), HALF)
+    assert not trend.folds(np.array([1.0, 0.0, 0.0, -0.2]), HALF)
+    assert trend.folds(np.array([-1.0, 0.0, 0.0, 0.0]), HALF)
+
+
+def test_fit_trend_finds_the_parameters() -> None:
+    trend = LensTrend(Angles(), True, 2, tangent=False)
+    beta, w, c = example(trend)
+    found = fit_trend(trend, w, trend.chart.directions(c))
+    assert found is not None
+    np.testing.assert_allclose(trend.image(found, c, w), w, atol=1e-5)
+
+
+def test_levelling_rotation_takes_out_turn_and_roll() -> None:
+    from scipy.spatial.transform import Rotation
+
+    w = np.random.default_rng(0).uniform(-1, 1, (400, 2)) * HALF
+    turn = Rotation.from_rotvec([0.2, 0.3, 0.5]).as_matrix()
+    rays = Angles().directions(1.1 * w) @ turn.T
+    np.testing.assert_allclose(levelling_rotation(w, rays) @ turn, np.eye(3), atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["round", "plane:x", "plane:99"])
+def test_unknown_trend_is_named_with_those_there_are(name: str) -> None:
+    with pytest.raises(InputError, match="plane, angle"):
+        searches_named(name)
