@@ -1,6 +1,8 @@
 """``python -m pinholify``."""
 
+import sys
+
 from pinholify.cli import main
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -120,8 +120,9 @@ def camera(tmp_path_factory: pytest.TempPathFactory, table: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def in_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Every test works in a folder of its own, in which no temporary file may be left."""
+    """Every test works in a folder of its own, in which no temporary file may be left, and in one process."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
     yield
     left = [p for p in tmp_path.rglob(".*") if p.is_file()]
     assert not left

@@ -22,6 +22,7 @@ COMMANDS = {
     "evaluate": "Score a camera on photographs of a board.",
     "board": "Print a board, true to scale.",
     "simulate": "Render the paper's six data sets, with truth.",
+    "reproduce": "Make the paper's tables and figures anew, beside its own numbers.",
     "demo": "See it work: render a warped scene, calibrate it, straighten it.",
 }
 

@@ -17,7 +17,7 @@ from pinholify.cli.options import (
     json_option,
     print_json,
 )
-from pinholify.cli.sources import gather_corners, input_files
+from pinholify.cli.sources import gather_corners, input_files, solving
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
@@ -84,11 +84,12 @@ def command(
     check_output(output, force=force, is_ours=is_camera_file, inputs=input_files(images, table))
     corner_set = gather_corners(images, table, board, image_size, mirrored)
     again = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored)
-    calibration = again(corner_set, reference=reference, square_mm=square_mm)
-    again = partial(again, method=calibration.method)
-    evaluation = evaluate(
-        calibration, corner_set, recalibrate=lambda part, name: again(part, reference=name), compare_opencv=opencv
-    )
+    with solving():
+        calibration = again(corner_set, reference=reference, square_mm=square_mm)
+        again = partial(again, method=calibration.method)
+        evaluation = evaluate(
+            calibration, corner_set, recalibrate=lambda part, name: again(part, reference=name), compare_opencv=opencv
+        )
     write_camera(output, calibration)
     if as_json:
         print_json(to_json(evaluation))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
 
 from pinholify.cli.options import examples, json_option, print_json
-from pinholify.cli.sources import gather_corners
+from pinholify.cli.sources import gather_corners, solving
 
 
 @click.command("evaluate", epilog=examples("pinholify evaluate camera.npz photos/ --json"))
@@ -39,20 +40,21 @@ def command(
             f"the images are {corners.image_size[0]}x{corners.image_size[1]} and '{camera}' was calibrated at "
             f"{size[0]}x{size[1]}: give images of that size, or calibrate at this one"
         )
-    evaluation = evaluate(
-        calibration,
-        corners,
-        recalibrate=lambda part, name: calibrate(
-            part,
-            reference=name,
-            method=calibration.method,
-            kernel=calibration.kernel,
-            trend=calibration.trend,
-            mirrored=mirrored,
-        ),
-        compare_opencv=opencv,
-        kfold=folds,
+    again = partial(
+        calibrate,
+        method=calibration.method,
+        kernel=calibration.kernel,
+        trend=calibration.trend,
+        mirrored=mirrored,
     )
+    with solving():
+        evaluation = evaluate(
+            calibration,
+            corners,
+            recalibrate=lambda part, name: again(part, reference=name),
+            compare_opencv=opencv,
+            kfold=folds,
+        )
     if as_json:
         print_json(to_json(evaluation))
     else:

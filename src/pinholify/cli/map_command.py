@@ -42,7 +42,9 @@ def command(camera: Path, points: str, target: str, output: str, force: bool) ->
         check_output(Path(output), force=force, is_ours=is_answer, inputs=(camera, points))
     virtual_camera = read_camera(camera).camera
     rows = read_points(sys.stdin if points == "-" else points, dimensions=None if target == "image" else 2)
-    answer = mapped(virtual_camera, rows, target)
+    answer = np.full((len(rows), 4), np.nan)
+    known = np.isfinite(rows).all(axis=1)
+    answer[known] = mapped(virtual_camera, rows[known], target)
     write_points(sys.stdout if output == "-" else output, COLUMNS[target], answer)
     missing = int(np.isnan(answer[:, :2]).any(axis=1).sum())
     if missing:

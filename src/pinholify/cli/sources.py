@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,13 +64,15 @@ def gather_corners(
     if image_size is None:
         raise click.UsageError("--corners needs --image-size WxH: a table does not tell the size of the images")
     corners = read_corner_table(sys.stdin if table == "-" else table, board=board, image_size=image_size)
-    check_inside(corners)
+    check_plausible(corners)
     check_found(corners)
     return corners
 
 
-def check_inside(corners: CornerSet) -> None:
-    """Raise CornerTableError where a corner lies outside images of the size that was given."""
+def check_plausible(corners: CornerSet) -> None:
+    """Raise CornerTableError where corners cannot be those of a photograph of the size that was given."""
+    import numpy as np
+
     width, height = corners.image_size
     for view in corners.found:
         outside = ((view.uv < -1.0) | (view.uv > (width, height))).any(axis=1)
@@ -79,6 +82,22 @@ def check_inside(corners: CornerSet) -> None:
                 f"'{view.name}' has a corner at ({u:.1f}, {v:.1f}), outside an image of {width}x{height}: "
                 "give the size of the photographs with --image-size"
             )
+        if len(view) > 2 and np.linalg.matrix_rank(view.uv - view.uv.mean(axis=0)) < 2:
+            raise CornerTableError(f"all {len(view)} corners of '{view.name}' lie on one line; check the corner table")
+
+
+@contextmanager
+def solving() -> Iterator[None]:
+    """Makes of equations without a solution, inside the block, a CalibrationError."""
+    import numpy as np
+
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise CalibrationError(
+            f"the corners lead to equations without a solution ({error}): look for wrong corners, a wrong size of the "
+            "board, or boards that all stand alike"
+        ) from None
 
 
 def check_found(corners: CornerSet) -> None:
