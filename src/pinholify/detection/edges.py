@@ -14,6 +14,7 @@ a finger, a marker, the image's end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,9 @@ from pinholify.arrays import Bools, Floats, Ints
 from pinholify.detection.intensity import Grey
 from pinholify.detection.saddle import sample
 
-SAMPLES = 27
+SAMPLES = 730
+"""Places in a window where the grey levels are read."""
+
 ITERATIONS = 6
 
 SETTLED = 0.003
@@ -39,6 +42,10 @@ GREATEST = np.array([1.0, 1.0, 0.7, 0.7, np.log(8.0)])
 OUTLIER = 3.0
 """Residuals beyond this many times the window's own scale lose weight (Tukey's biweight ends at twice that).
 """
+
+
+LEAST_SPREAD = 0.01
+"""What the model itself, and interpolation, miss near the edges, as a fraction of κ: no outliers, these."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,17 +98,25 @@ class Windows:
         return Windows(self.uv[keep], self.axes[keep], self.bend[keep])
 
     def places(self) -> Floats:
-        """(n, SAMPLES², 2) px of the sampling grid."""
-        s, t = _grid()
+        """(n, SAMPLES, 2) px of the places to read."""
+        s, t = _places()
         linear = np.stack([s, t], axis=1) @ self.axes.transpose(0, 2, 1)
         bent = np.stack([s * s, s * t, t * t], axis=1) @ self.bend.transpose(0, 2, 1)
         return self.uv[:, None] + linear + bent
 
 
-def _grid() -> Floats:
-    side = np.linspace(-1.0, 1.0, SAMPLES)
-    s, t = np.meshgrid(side, side)
-    return np.stack([s.ravel(), t.ravel()])
+@cache
+def _places() -> Floats:
+    """(2, SAMPLES) points (s, t) that fill a window evenly and symmetrically, no two on one line.
+
+    On a regular grid all samples along an edge that runs with the pixels' rows would share one fraction of a
+    pixel, and with it one error of interpolation. (The additive sequence of the plastic number; Roberts,
+    2018.)
+    """
+    plastic = 1.324717957244746
+    steps = np.arange(1, SAMPLES // 2 + 1)
+    half = np.stack([steps / plastic % 1.0, steps / plastic**2 % 1.0]) * 2 - 1
+    return np.concatenate([half, -half], axis=1)
 
 
 def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
@@ -125,7 +140,8 @@ def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
         strength = np.where(np.abs(solution[:, 3]) < 1e-6, 1e-6, solution[:, 3])
         step = solution[:, 6:] / strength[:, None]
         shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST, GREATEST)
-        spread = 1.4826 * np.median(np.abs(np.where(inside, residual, 0.0)), axis=1) + 1e-3 * np.abs(strength)
+        scatter = 1.4826 * np.median(np.abs(np.where(inside, residual, 0.0)), axis=1)
+        spread = scatter + LEAST_SPREAD * np.abs(strength)
         if (np.abs(step[:, :2]) * scale).max() < SETTLED:
             break
         ratio = residual / (2 * OUTLIER * spread[:, None])
@@ -134,10 +150,10 @@ def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
 
 
 def _design(shape: Floats, scale: Floats) -> Floats:
-    """(n, SAMPLES², 11): the six linear terms, then the derivatives by d, e, α, β and log b, each per unit of
+    """(n, SAMPLES, 11): the six linear terms, then the derivatives by d, e, α, β and log b, each per unit of
     κ.
     """
-    s, t = _grid()
+    s, t = _places()
     d, e, alpha, beta, log_blur = (column[:, None] for column in shape.T)
     across_s, across_t = s - d - alpha * t, t - e - beta * s
     blur = np.exp(log_blur)

@@ -23,6 +23,9 @@ from pinholify.detection.saddle import sample
 FEWEST_OF_PART = 12
 """Corners below which a part of a board is not believed."""
 
+MARGIN = 1.2
+"""Where the margin is looked for, in squares beyond the last corners; the outermost squares may be cut short."""
+
 STRAY = 0.34
 """An outer line with less than this fraction of its neighbour's corners may be none of the board's."""
 
@@ -95,37 +98,41 @@ def ends(grey: Grey, lattice: Lattice) -> Ends:
 
 
 def _ends(grey: Grey, lattice: Lattice, first: Ints, outward: Ints, along: Ints, count: int) -> bool:
-    """Whether squares alternate just outside the line from ``first`` on, as they do inside, and no further
-    out.
+    """Whether squares alternate just outside the line from ``first`` on, and then run into one margin.
 
-    So a finger over the board's rest, or squares lost in a glare, do not pass for its end.
+    The margin is as bright as the bright squares, or as dark as the dark ones. So a finger over the board's
+    rest, or squares lost in a glare, do not pass for its end.
     """
     known = {(int(i), int(j)) for i, j in lattice.index}
     starts = [first + k * along for k in range(count - 1)]
     starts = [p for p in starts if tuple(p) in known and tuple(p + along) in known]
-    if len(starts) < 3:
+    if len(starts) < 2:
         return False
     line = np.array(starts)
-    # The colour of the square beside each step of the line, on the outer side; inside it is the other one.
-    inner_corner = np.minimum(line, line + outward) if outward.sum() < 0 else line
-    colour = signs(inner_corner, lattice.phase)
-    inside = _contrast(grey, lattice, line - 0.3 * outward, along, -colour)
-    outside = _contrast(grey, lattice, line + 0.3 * outward, along, colour)
-    beyond = _contrast(grey, lattice, line + 1.35 * outward, along, -colour)
-    return inside > 0 and outside > 0.5 * inside and abs(beyond) < 0.35 * inside
+    # A square is named by its corner of the smallest column and row.
+    outer, inner = line + np.minimum(outward, 0), line - np.maximum(outward, 0)
+    colour = signs(outer, lattice.phase)
+    inside = _levels(grey, lattice, line - 0.3 * outward, along, signs(inner, lattice.phase))
+    bright, dark = _levels(grey, lattice, line + 0.3 * outward, along, colour)
+    margin = _levels(grey, lattice, line + MARGIN * outward, along, colour)
+    contrast = inside[0] - inside[1]
+    if not (contrast > 0 and bright - dark > 0.5 * contrast):  # Nor where too few squares are seen: nan.
+        return False
+    return min(max(abs(seen - level) for seen in margin) for level in (bright, dark)) < 0.35 * (bright - dark)
 
 
-def _contrast(grey: Grey, lattice: Lattice, start: Floats, along: Ints, colour: Floats) -> float:
-    """How far grey levels half a step ``along`` from ``start`` follow the ``colour`` ±1; nan where too few
-    are seen.
+def _levels(grey: Grey, lattice: Lattice, start: Floats, along: Ints, colour: Floats) -> tuple[float, float]:
+    """Mean grey half a step ``along`` from ``start``, where ``colour`` is +1 and where it is -1.
+
+    Both are nan where the image does not show some of each.
     """
     places = predict(lattice.index, lattice.uv, start + 0.5 * along).uv
     size = np.array([grey.shape[1], grey.shape[0]]) - 1
     seen = ((places > 1) & (places < size - 1)).all(axis=1)
-    if seen.sum() < 3 or abs(colour[seen].sum()) == seen.sum():
-        return float("nan")
+    if abs(colour[seen].sum()) == seen.sum():
+        return float("nan"), float("nan")
     values = sample(grey, places[seen])
-    return float(values[colour[seen] > 0].mean() - values[colour[seen] < 0].mean())
+    return float(values[colour[seen] > 0].mean()), float(values[colour[seen] < 0].mean())
 
 
 def _shifts(way: Lattice, board: Board, seen: Ends) -> list[Lattice]:

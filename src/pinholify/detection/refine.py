@@ -25,6 +25,9 @@ WINDOW = 0.33
 WIDEST = 20.0
 """Half windows are no wider than this, in px."""
 
+SPOILT = 1.4
+"""A window whose misfit is so many times the usual holds something else beside its corner."""
+
 FLOOR = 0.03
 """px. What no fit sees: print, pixel response, the model. A corner fitted better than this gains nothing by
 it.
@@ -67,16 +70,19 @@ def _fit(grey: Grey, windows: Windows) -> Crossings:
     """
     wide = fit_crossings(grey, windows)
     misfit = wide.residual / np.abs(wide.strength)
-    spoilt = np.flatnonzero(~wide.sound | (misfit > 2 * np.median(misfit)))
+    spoilt = np.flatnonzero(~wide.sound | (misfit > SPOILT * np.median(misfit)))
     if not len(spoilt):
         return wide
     narrow = fit_crossings(grey, windows.select(spoilt).scaled(0.5))
-    better = narrow.sound & ((narrow.residual < 0.8 * wide.residual[spoilt]) | ~wide.sound[spoilt])
+    better = narrow.sound & ((narrow.residual < 0.9 * wide.residual[spoilt]) | ~wide.sound[spoilt])
     return wide.replaced(spoilt[better], narrow.select(np.flatnonzero(better)))
 
 
 def _true_corners(lattice: Lattice, crossings: Crossings) -> Bools:
-    """Which fits (n,) have the colours of their index, a tenth of the usual contrast, and no great misfit."""
+    """Which fits (n,) have the colours of their index, a tenth of the usual contrast, half of the usual
+    weight.
+    """
     strength = crossings.strength * signs(lattice.index, lattice.phase)
     clear = strength > 0.1 * np.median(strength)
-    return np.asarray(crossings.sound & clear & (crossings.residual < 0.5 * strength))
+    sure = lattice.weights > 0.5 * np.median(lattice.weights)
+    return np.asarray(crossings.sound & clear & sure & (crossings.residual < 0.5 * strength))
