@@ -60,7 +60,9 @@ def make_scene(
     points = np.column_stack([lattice(BOARD), np.zeros(BOARD.columns * BOARD.rows)])
     middle = points.mean(axis=0)
     xi = (points - middle)[:, :2] / middle[:2]
-    shaped = points + np.column_stack([0 * xi[:, 0], stretch * (points - middle)[:, 1], bow * (1 - (xi**2).mean(axis=1))])
+    shaped = points + np.column_stack(
+        [0 * xi[:, 0], stretch * (points - middle)[:, 1], bow * (1 - (xi**2).mean(axis=1))]
+    )
     rotations, translations, corners = [], [], []
     while len(corners) < views:
         first = not corners

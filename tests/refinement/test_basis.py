@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from pinholify.errors import InputError
 from pinholify.gp.kernels import kernel_named
 from pinholify.refinement.basis import no_basis, sine_basis
 from pinholify.refinement.spectral import DENSITIES, density_named
-from pinholify.errors import InputError
 
 HALF = np.array([0.8, 0.6])
 
@@ -59,5 +59,5 @@ def test_no_basis_is_no_displacement() -> None:
 
 
 def test_unknown_kernel_is_named_with_those_there_are() -> None:
-    with pytest.raises(InputError, match="rq.*se, ard-se"):
+    with pytest.raises(InputError, match=r"rq.*se, ard-se"):
         density_named("rq")

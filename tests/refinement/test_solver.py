@@ -1,4 +1,5 @@
-"""The linear algebra against slow and plain twins: dense least squares, and the marginal likelihood of a dense Gaussian."""
+"""The linear algebra against slow and plain twins: dense least squares, and a dense Gaussian's marginal likelihood."""
+
 
 import numpy as np
 import pytest
@@ -151,9 +152,7 @@ def test_gradient_of_the_evidence(scene: Scene) -> None:
     state = truth(scene, model)
     at = model.predict(state, seen)
     equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
-    problem = linearised(
-        equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision()
-    )
+    problem = linearised(equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision())
 
     def loss(p: np.ndarray) -> tuple[float, np.ndarray]:
         return _negative_log_evidence(problem, density, Hyperparameters(p[:2], float(np.exp(p[2]))), 0.1)
@@ -165,7 +164,10 @@ def test_gradient_of_the_evidence(scene: Scene) -> None:
 
 
 def test_removed_unknowns_are_as_if_they_had_never_been(scene: Scene) -> None:
-    big, small = small_model(), Model(LensTrend(Plane(), False, 1, tangent=False), small_model().basis, board_shape(BOARD))
+    big, small = (
+        small_model(),
+        Model(LensTrend(Plane(), False, 1, tangent=False), small_model().basis, board_shape(BOARD)),
+    )
     seen = flattened(scene)
     problems = []
     for model in (big, small):
@@ -196,9 +198,7 @@ def test_hyperparameters_and_noise_are_found_again() -> None:
     g = model.basis.values(at.undisplaced) @ (std[:, None] * rng.normal(size=(len(std), 2)))
     residual = g + true.noise * rng.normal(size=g.shape)
     equations = eliminate(model.linearise(state, seen, at), residual, np.ones(len(seen.view)), seen)
-    problem = linearised(
-        equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision()
-    )
+    problem = linearised(equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision())
     start = Hyperparameters(np.log([1e-4, 0.7]), 1e-3)
     found = maximise_evidence(problem, density, start, shortest=0.0, resolved=0.3).hyperparameters
     assert found.noise == pytest.approx(true.noise, rel=0.05)

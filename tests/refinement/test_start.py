@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from pinholify.corners import Corners
+from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
+from pinholify.refinement import refine
 from pinholify.refinement.observations import image_frame, lattice_middle, observations
 from pinholify.refinement.outliers import handedness, locally_consistent, misfitting_boards, usable_views, with_enough
 from pinholify.refinement.start import SimpleLens, poses_of_directions, scan, simple_lenses
@@ -37,9 +38,7 @@ def test_slope_of_a_simple_lens(lens: SimpleLens) -> None:
 
 
 def test_scan_tells_a_pinhole_from_a_fisheye(scenes: dict[str, Scene]) -> None:
-    best = {
-        name: scan(observations(scenes[name].corners.views, BOARD, FRAME), 1)[0] for name in ("pinhole", "fisheye")
-    }
+    best = {name: scan(observations(scenes[name].corners.views, BOARD, FRAME), 1)[0] for name in ("pinhole", "fisheye")}
     assert best["pinhole"].shape == 1.0
     assert np.tan(best["pinhole"].corner_angle) * FOCAL == pytest.approx(FRAME.scale, rel=0.2)
     assert best["fisheye"].shape < 1.0
@@ -90,8 +89,6 @@ def test_noise_without_boards_is_refused() -> None:
     views = [Corners(f"v{i}", np.arange(54), rng.uniform(0, 500, (54, 2))) for i in range(5)]
     seen = observations(views, BOARD, FRAME)
     assert scan(seen, 1)  # some lens is least bad; the refusal comes later
+    corners = CornerSet(BOARD, SIZE, tuple(views))
     with pytest.raises(CalibrationError):
-        from pinholify.corners import CornerSet
-        from pinholify.refinement import refine
-
-        refine(CornerSet(BOARD, SIZE, tuple(views)), reference="v0")
+        refine(corners, reference="v0")

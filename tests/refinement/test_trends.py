@@ -61,13 +61,23 @@ def test_tangent_law_and_its_slope(kappa: float, r: float) -> None:
     r2 = np.array([r**2])
     value, slope = tangent_law(kappa, r2)
     z = kappa * r**2
-    exact = 1.0 if z == 0 else np.tan(np.sqrt(z + 0j)).real / np.sqrt(z + 0j).real if z > 0 else (
-        np.tanh(np.sqrt(-z)) / np.sqrt(-z)
+    exact = (
+        1.0
+        if z == 0
+        else np.tan(np.sqrt(z + 0j)).real / np.sqrt(z + 0j).real
+        if z > 0
+        else (np.tanh(np.sqrt(-z)) / np.sqrt(-z))
     )
     np.testing.assert_allclose(value, exact, rtol=1e-9)
     h = 1e-5
-    numeric = (tangent_law(np.sign(kappa) or 1.0, abs(z) + np.array([h]))[0] - tangent_law(
-        np.sign(kappa) or 1.0, abs(z) - np.array([h]))[0]) / (2 * h) * (np.sign(kappa) or 1.0)
+    numeric = (
+        (
+            tangent_law(np.sign(kappa) or 1.0, abs(z) + np.array([h]))[0]
+            - tangent_law(np.sign(kappa) or 1.0, abs(z) - np.array([h]))[0]
+        )
+        / (2 * h)
+        * (np.sign(kappa) or 1.0)
+    )
     np.testing.assert_allclose(slope, numeric, rtol=1e-4, atol=1e-6)
 
 
@@ -98,6 +108,7 @@ def test_fit_trend_finds_the_parameters() -> None:
     found = fit_trend(trend, w, trend.chart.directions(c))
     assert found is not None
     np.testing.assert_allclose(trend.image(found, c, w), w, atol=1e-5)
+    np.testing.assert_allclose(found[0], beta[0], rtol=0.05)
 
 
 def test_levelling_rotation_takes_out_turn_and_roll() -> None:

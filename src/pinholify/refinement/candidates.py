@@ -8,7 +8,7 @@ solved in full.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -211,23 +211,28 @@ def _with_process(setting: Setting, solved: Solved, start: Hyperparameters) -> I
             return
 
 
-def contest(setting: Setting, tried: Sequence[Candidate], seen: Observations) -> list[Candidate]:
+def contest(
+    setting: Setting, stages: Sequence[Sequence[Search]], tried: Sequence[Candidate], seen: Observations
+) -> list[Candidate]:
     """The best of each of the leading searches after a closer look, best first.
 
     Far from where it was linearised a trend's evidence is only rough, so each leader is solved for itself and
     compared with its neighbours anew.
     """
+    allowed = {trend for searches in stages for search in searches for trend in search.within}
     leaders: dict[int, Candidate] = {}
     for candidate in sorted(tried, key=lambda candidate: -candidate.score):
         leaders.setdefault(id(candidate.origin), candidate)
     ranked = list(leaders.values())
     close = {leader.trend.around(): leader for leader in reversed(ranked) if leader.score > ranked[0].score - WINDOW}
     some = list(close.values())[-CONTENDERS:]
-    finalists = [found for leader in some if (found := _closer(setting, leader, seen)) is not None]
+    finalists = [found for leader in some if (found := _closer(setting, leader, allowed, seen)) is not None]
     return sorted(finalists, key=lambda candidate: -candidate.score)
 
 
-def _closer(setting: Setting, leader: Candidate, seen: Observations) -> Candidate | None:
+def _closer(
+    setting: Setting, leader: Candidate, allowed: Container[Trend], seen: Observations
+) -> Candidate | None:
     """The best trend around ``leader``, linearised where that is solved."""
     search = leader.trend.around()
     solution = solve_trend(setting, search.general, leader.origin, seen)
@@ -237,7 +242,7 @@ def _closer(setting: Setting, leader: Candidate, seen: Observations) -> Candidat
     basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if len(hyper.kernel) else no_basis(setting.half_size)
     whole = linearise_with(setting.model(search.general), solution, basis, seen)
     found = []
-    for trend in search.within:
+    for trend in filter(allowed.__contains__, search.within):
         problem = whole.without(_removed(search.general, trend, whole))
         evidence = posterior(
             problem, hyper.precision(setting.density, problem.frequencies, problem.precision), hyper.noise

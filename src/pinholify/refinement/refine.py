@@ -92,7 +92,7 @@ def _refined(
     trend: str,
 ) -> tuple[list[Candidate], Cleaned]:
     """The finalists, best first, and the best one solved in full and cleaned."""
-    finalists = contest(setting, list(candidates(setting, stages, known, seen)), seen)
+    finalists = contest(setting, stages, list(candidates(setting, stages, known, seen)), seen)
     if not finalists:
         raise CalibrationError(
             f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"

@@ -1,0 +1,232 @@
+"""The whole refinement on simulated truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pinholify.corners import Corners, CornerSet
+from pinholify.errors import CalibrationError
+from pinholify.refinement import JointResult, refine
+
+from .conftest import BOARD, LENSES, SIZE, Scene, make_scene, ray_errors_px, true_intrinsics
+
+BOUND = {"pinhole": 0.1, "fisheye": 0.15, "wavy": 0.3}  # px rms inside the hull, at 0.1 px of noise a corner
+
+
+@pytest.fixture(scope="module")
+def results(scenes: dict[str, Scene]) -> dict[str, JointResult]:
+    return {name: refine(scene.corners, reference="view00") for name, scene in scenes.items()}
+
+
+def grid(result: JointResult) -> np.ndarray:
+    u, v = np.meshgrid(np.linspace(0, SIZE[0] - 1, 17), np.linspace(0, SIZE[1] - 1, 13))
+    uv = np.column_stack([u.ravel(), v.ravel()])
+    return uv[result.camera.domain.hull.contains(uv)]
+
+
+def covered_error(scene: Scene, result: JointResult) -> float:
+    uv = grid(result)
+    errors = ray_errors_px(scene, uv, result.camera.to_rays(uv).directions)
+    return float(np.sqrt((errors**2).mean()))
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_rays_and_noise(name: str, scenes: dict[str, Scene], results: dict[str, JointResult]) -> None:
+    assert covered_error(scenes[name], results[name]) < BOUND[name]
+    assert results[name].noise_px == pytest.approx(0.1, rel=0.06)
+    assert bool(results[name].kernel_px) == (name == "wavy")
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_intrinsics_and_poses(name: str, scenes: dict[str, Scene], results: dict[str, JointResult]) -> None:
+    scene, result = scenes[name], results[name]
+    k = result.camera.intrinsics
+    assert (np.abs([k.f, k.uc, k.vc] - true_intrinsics(scene)) < 4.0 * result.intrinsics_std).all()
+    reference = result.poses["view00"]
+    np.testing.assert_allclose(reference.rotation, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(reference.translation, [-k.uc, -k.vc, k.f], atol=1e-10)
+    expected = scene.rotations[0].T @ scene.rotations[5]
+    np.testing.assert_allclose(result.poses["view05"].rotation, expected, atol=5e-3)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_the_map_and_its_inverse(name: str, results: dict[str, JointResult]) -> None:
+    camera = results[name].camera
+    uv = grid(results[name])
+    np.testing.assert_allclose(camera.project(camera.to_rays(uv).directions), uv, atol=1e-6)
+    for i, h in enumerate(1e-3 * np.eye(2)):
+        numeric = (camera.plane_map.value(uv + h) - camera.plane_map.value(uv - h)) / 2e-3
+        np.testing.assert_allclose(camera.plane_map.jacobian(uv)[:, :, i], numeric, rtol=1e-5, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["pinhole", "wavy"])
+def test_features_of_the_covariance(name: str, results: dict[str, JointResult]) -> None:
+    """∂(ray, K, virtual point)/∂unknowns by moving each unknown of the map."""
+    plane_map = results[name].camera.plane_map
+    uv = grid(results[name])[::5]
+    m, p = 2 * len(plane_map.basis), len(plane_map.beta)
+    rng, h = np.random.default_rng(0), 1e-6
+
+    def moved(step: np.ndarray):
+        from pinholify.refinement.model import rotations_of
+
+        return replace(
+            plane_map,
+            weights=plane_map.weights + step[:m].reshape(2, -1).T,
+            beta=plane_map.beta + step[m : m + p],
+            rotation=rotations_of(step[None, -6:-3])[0] @ plane_map.rotation,
+            translation=plane_map.translation + step[-3:],
+        )
+
+    from pinholify.charts import directions_to_angles
+    from pinholify.refinement.result import intrinsics_of
+
+    def seen(one) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        from pinholify.charts import angles_to_directions
+
+        k = intrinsics_of(one)
+        directions = angles_to_directions(one.value(uv)) @ one.rotation
+        back = directions_to_angles(directions @ plane_map.rotation.T)
+        return back, np.array([k.f, k.uc, k.vc]), k.project(directions)
+
+    step = rng.normal(size=m + p + 6)
+    step[:m] *= 1e-2
+    ahead, behind = seen(moved(h * step)), seen(moved(-h * step))
+    expected = (plane_map.features(uv), plane_map.intrinsics_features(), plane_map.virtual_features(uv))
+    for a, b, feature in zip(ahead, behind, expected, strict=True):
+        np.testing.assert_allclose(feature @ step, (a - b) / (2 * h), rtol=1e-5, atol=1e-6)
+
+
+def test_residuals_stand_beside_the_corners(scenes: dict[str, Scene], results: dict[str, JointResult]) -> None:
+    result, view = results["fisheye"], scenes["fisheye"].corners.views[4]
+    predicted = result.camera.project(result.poses[view.name].apply(view.lattice(BOARD)))
+    np.testing.assert_allclose(view.uv - predicted, result.residuals[view.name], atol=1e-5)
+
+
+def test_partial_boards_and_weights(scenes: dict[str, Scene]) -> None:
+    rng = np.random.default_rng(3)
+    views = [
+        replace(view.select(rng.random(54) < 0.6), weights=None) if i else view
+        for i, view in enumerate(scenes["pinhole"].corners.views)
+    ]
+    worse = 2  # this view is noisier, and says so
+    view = views[worse]
+    views[worse] = replace(view, uv=view.uv + rng.normal(0, 1.0, view.uv.shape), weights=np.full(len(view), 0.1))
+    result = refine(CornerSet(BOARD, SIZE, tuple(views)), reference="view00")
+    assert not result.dropped
+    assert covered_error(scenes["pinhole"], result) < 2 * BOUND["pinhole"]
+    assert result.noise_px == pytest.approx(0.1, rel=0.1)
+
+
+def spoilt(scene: Scene, *, wrong: float, reversed_views: tuple[int, ...], moved: int) -> CornerSet:
+    rng = np.random.default_rng(4)
+    views = []
+    for i, view in enumerate(scene.corners.views):
+        uv = np.array(view.uv)
+        hit = rng.random(len(uv)) < wrong
+        uv[hit] += rng.uniform(-30, 30, (hit.sum(), 2))
+        ids = view.ids
+        if i in reversed_views:
+            ids = ids // BOARD.columns * BOARD.columns + BOARD.columns - 1 - ids % BOARD.columns
+        if i == moved:
+            uv[: len(uv) // 2] += [3.0, -2.0]
+        views.append(Corners(view.name, ids, uv))
+    return CornerSet(BOARD, SIZE, tuple(views))
+
+
+def test_wrong_corners_and_boards_are_named_and_do_no_harm(
+    scenes: dict[str, Scene], results: dict[str, JointResult]
+) -> None:
+    scene = scenes["pinhole"]
+    result = refine(spoilt(scene, wrong=0.05, reversed_views=(3, 7), moved=9), reference="view00")
+    assert set(result.dropped) == {"view03", "view07", "view09"}
+    assert covered_error(scene, result) < max(2.0 * covered_error(scene, results["pinhole"]), 0.1)
+    assert sum(result.dropped_corners.values()) == pytest.approx(0.05 * 54 * 11, abs=12)
+
+
+def test_a_half_turn_of_a_board_changes_nothing(scenes: dict[str, Scene], results: dict[str, JointResult]) -> None:
+    views = list(scenes["wavy"].corners.views)
+    views[4] = Corners(views[4].name, 53 - views[4].ids, views[4].uv)
+    result = refine(CornerSet(BOARD, SIZE, tuple(views)), reference="view00")
+    uv = grid(result)
+    before, after = results["wavy"].camera.to_rays(uv), result.camera.to_rays(uv)
+    np.testing.assert_allclose(before.directions, after.directions, atol=1e-6)
+
+
+def test_a_reflection_with_left_handed_lattices(scenes: dict[str, Scene], results: dict[str, JointResult]) -> None:
+    """The same views in a mirror: u reversed. The camera behind the mirror is the same."""
+    views = [
+        Corners(v.name, v.ids, np.column_stack([SIZE[0] - 1 - v.uv[:, 0], v.uv[:, 1]]))
+        for v in scenes["pinhole"].corners.views
+    ]
+    result = refine(CornerSet(BOARD, SIZE, tuple(views)), reference="view00", mirrored=True)
+    uv = grid(results["pinhole"])
+    mirrored = np.column_stack([SIZE[0] - 1 - uv[:, 0], uv[:, 1]])
+    np.testing.assert_allclose(
+        result.camera.to_rays(mirrored).directions, results["pinhole"].camera.to_rays(uv).directions, atol=1e-6
+    )
+    assert result.camera.mirrored
+    np.testing.assert_allclose(result.residuals["view03"], results["pinhole"].residuals["view03"] * [-1, 1], atol=1e-4)
+
+
+def test_a_bowed_and_stretched_board_is_found() -> None:
+    scene = make_scene("pinhole", views=20, bow=0.06, stretch=0.004, seed=2)
+    result = refine(scene.corners, reference="view00")
+    assert result.shape.bow == pytest.approx(0.06, rel=0.1)
+    assert result.shape.stretch == pytest.approx(0.004, rel=0.2)
+    assert covered_error(scene, result) < 2.5 * BOUND["pinhole"]
+
+
+def test_a_flat_board_is_left_flat(results: dict[str, JointResult]) -> None:
+    assert results["pinhole"].shape.bow is None
+    assert results["pinhole"].shape.stretch is None
+    assert not results["pinhole"].shape.height.any()
+
+
+def test_the_reference_must_be_usable(scenes: dict[str, Scene]) -> None:
+    corners = scenes["pinhole"].corners
+    with pytest.raises(CalibrationError, match="not among"):
+        refine(corners, reference="nowhere")
+    with pytest.raises(CalibrationError, match="3 or more"):
+        refine(corners.with_views(corners.views[:2]), reference="view00")
+    bad = spoilt(scenes["pinhole"], wrong=0.0, reversed_views=(0,), moved=-1)
+    with pytest.raises(CalibrationError, match="reversed"):
+        refine(bad, reference="view00")
+
+
+def test_a_named_trend_and_kernel_are_used(scenes: dict[str, Scene]) -> None:
+    lines: list[str] = []
+    result = refine(
+        scenes["wavy"].corners, reference="view00", trend="plane:2", kernel="matern52", progress=lines.append
+    )
+    assert result.trend.startswith("plane:2")
+    assert result.kernel == "matern52"
+    assert any("noise" in line for line in lines)
+
+
+@pytest.mark.slow
+def test_predicted_standard_deviations_are_those_of_new_noise() -> None:
+    """Monte Carlo over the noise of the whole calibration, in the frame of the reference board."""
+    scene = make_scene("fisheye", noise=0.0)
+    rng = np.random.default_rng(0)
+    u, v = np.meshgrid([150.0, 400.0, 650.0], [120.0, 300.0, 480.0])
+    uv = np.column_stack([u.ravel(), v.ravel()])
+    draws = 60
+    ks, stds, rays, predicted = [], [], [], []
+    for _ in range(draws):
+        views = [replace(v, uv=v.uv + rng.normal(0, 0.1, v.uv.shape)) for v in scene.corners.views]
+        result = refine(scene.corners.with_views(views), reference="view00")
+        k, seen = result.camera.intrinsics, result.camera.to_rays(uv)
+        ks.append([k.f, k.uc, k.vc])
+        stds.append(result.intrinsics_std)
+        rays.append(seen.directions)
+        predicted.append(seen.std_px)
+    within = np.abs(np.array(ks) - true_intrinsics(scene)) < 1.96 * np.array(stds)
+    assert 0.88 < within.mean() <= 1.0
+    np.testing.assert_allclose(np.std(ks, axis=0, ddof=1) / np.mean(stds, axis=0), 1.0, atol=0.25)
+    camera = result.camera
+    to_px = np.linalg.pinv(camera.chart.direction_jacobian(camera.plane_map.value(uv)) @ camera.plane_map.jacobian(uv))
+    moved = np.einsum("nij,dnj->dni", to_px, np.array(rays) - np.mean(rays, axis=0))
+    sampled = np.sqrt((moved**2).mean(axis=(0, 2)) * draws / (draws - 1))
+    np.testing.assert_allclose(sampled / np.sqrt(np.mean(np.square(predicted), axis=0)), 1.0, atol=0.25)
