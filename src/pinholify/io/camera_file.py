@@ -233,6 +233,9 @@ def _decode_corners(value: dict[str, Any], arrays: dict[str, Any]) -> CornerSet:
 
 
 def _split(value: dict[str, Any], arrays: dict[str, Any]) -> Iterator[tuple[Any, Any, Any]]:
-    ends = np.cumsum(value["counts"])[:-1]
-    columns = (np.split(arrays[f"{value['path']}.{key}"], ends) for key in ("ids", "uv", "weights"))
-    return zip(*columns, strict=True)
+    """Ids, pixels and weights of each view."""
+    ends = np.cumsum(value["counts"])
+    columns = [arrays[f"{value['path']}.{key}"] for key in ("ids", "uv", "weights")]
+    if any(len(column) != (ends[-1] if len(ends) else 0) for column in columns):
+        raise ValueError("the numbers of corners do not add up")
+    return zip(*(np.split(column, ends[:-1]) for column in columns), strict=True)
