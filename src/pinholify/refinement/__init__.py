@@ -5,8 +5,30 @@ ray to it and g a Gaussian process in the image, carried by sines. Trend, proces
 together.
 """
 
+from pinholify.refinement.comparison import Comparison, compare
+from pinholify.refinement.diagnosis import (
+    BoardSuspicion,
+    NextBoard,
+    Structure,
+    next_board,
+    residual_structure,
+    suspicious_boards,
+)
 from pinholify.refinement.maps import JointMap
 from pinholify.refinement.refine import refine
 from pinholify.refinement.result import JointResult, Shape
 
-__all__ = ["JointMap", "JointResult", "Shape", "refine"]
+__all__ = [
+    "BoardSuspicion",
+    "Comparison",
+    "JointMap",
+    "JointResult",
+    "NextBoard",
+    "Shape",
+    "Structure",
+    "compare",
+    "next_board",
+    "refine",
+    "residual_structure",
+    "suspicious_boards",
+]
