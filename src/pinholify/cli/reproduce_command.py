@@ -14,7 +14,7 @@ from pinholify.cli.options import examples, force_option, json_option, print_jso
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.reproduction.run import Reproduction
 
-NARROWEST = 160  # characters that the widest table needs
+NARROWEST = 180  # characters that the widest table needs
 
 
 @click.command("reproduce", epilog=examples("pinholify reproduce -o paper/ --quick"))
@@ -59,11 +59,12 @@ def _print(reproduction: Reproduction) -> None:
     console = Console(highlight=False)
     console.width = max(console.width, NARROWEST)
     for table in all_tables(reproduction.results):
-        printed = Table(*table.header, title=table.title, caption=table.note, title_justify="left", box=None)
+        printed = Table(title=table.title, title_justify="left", caption=table.note, caption_justify="left", box=None)
+        for column, header in enumerate(table.header):
+            printed.add_column(header, justify="right" if column else "left", no_wrap=not column)
         for row in table.rows:
             printed.add_row(*row)
-        console.print(printed)
-        console.print()
+        console.print(printed, "")
     for finding in findings(reproduction.results):
         verdict = "[green]agrees[/]" if finding.agrees else "[red]differs[/]"
         console.print(f"[bold]{finding.claim}:[/] {verdict}. {finding.text}")

@@ -10,11 +10,19 @@ from pathlib import Path
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
 from pinholify.detection import detect_files
-from pinholify.evaluation.summary import Evaluation, evaluate
+from pinholify.evaluation.summary import Evaluation, Pooled, evaluate
 from pinholify.geometry import Pose
 from pinholify.pipeline import calibrate
 from pinholify.reproduction.photographs import photograph_files, render_photographs, rendered_before
-from pinholify.reproduction.truth import CornerErrors, TruthErrors, corner_errors, numbered_poses, truth_errors
+from pinholify.reproduction.truth import (
+    CornerErrors,
+    TruthErrors,
+    corner_errors,
+    exact_corners,
+    heldout_floor,
+    numbered_poses,
+    truth_errors,
+)
 from pinholify.simulation.datasets import Dataset, mirrored
 
 Watch = Callable[[str, int | None], AbstractContextManager[Callable[[], None]]]
@@ -34,7 +42,11 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reproduced:
-    """A data set gone through the whole chain: ``paper`` by the paper's method, ``ours`` with the default trend."""
+    """A data set gone through the whole chain: ``paper`` by the paper's method, ``ours`` with the default trend.
+
+    ``exact`` are the errors of the paper's method on corners without noise: what the method itself, or a camera that is
+    no pinhole, leaves. ``heldout_floor_px`` is the held-out error of the true lens: what the noise alone leaves.
+    """
 
     dataset: Dataset
     files: tuple[Path, ...]
@@ -42,6 +54,8 @@ class Reproduced:
     corner_errors: CornerErrors
     paper: Attempt
     ours: Attempt
+    exact: Pooled
+    heldout_floor_px: float | None
 
 
 def reproduce_dataset(
@@ -65,22 +79,39 @@ def reproduce_dataset(
             on_result=lambda _: advance(),
         )
     poses = numbered_poses(dataset, corner_set)
-    with watch(f"{dataset.title}: calibrating", 2) as advance:
+    with watch(f"{dataset.title}: calibrating", 3) as advance:
         paper = _attempt(dataset, corner_set, poses, PAPERS, compare_opencv=False)
         advance()
         ours = _attempt(dataset, corner_set, poses, OURS, compare_opencv=True)
         advance()
-    return Reproduced(dataset, tuple(files), corner_set, corner_errors(dataset, corner_set, poses), paper, ours)
+        without_noise = exact_corners(dataset, corner_set, poses)
+        exact = evaluate(_calibrated(dataset, without_noise, PAPERS), without_noise, compare_opencv=False).pooled
+        advance()
+    counted = [view for view in corner_set.views if view.name in ours.evaluation.observed]
+    return Reproduced(
+        dataset,
+        tuple(files),
+        corner_set,
+        corner_errors(dataset, corner_set, poses),
+        paper,
+        ours,
+        exact,
+        heldout_floor(dataset.lens, corner_set, counted, poses.values()),
+    )
 
 
 def _attempt(
     dataset: Dataset, corner_set: CornerSet, poses: dict[str, Pose], trend: str, *, compare_opencv: bool
 ) -> Attempt:
     def again(part: CornerSet, reference: str) -> Calibration:
-        return calibrate(
-            part, method="one-image", trend=trend, reference=reference, mirrored=mirrored(dataset.lens)
-        )
+        return _calibrated(dataset, part, trend, reference)
 
-    calibration = again(corner_set, corner_set.views[0].name)
+    calibration = _calibrated(dataset, corner_set, trend)
     evaluation = evaluate(calibration, corner_set, recalibrate=again, compare_opencv=compare_opencv)
     return Attempt(evaluation, truth_errors(dataset, evaluation, poses))
+
+
+def _calibrated(dataset: Dataset, corner_set: CornerSet, trend: str, reference: str | None = None) -> Calibration:
+    """The one-image camera from the board of ``reference``, the first view's by default."""
+    name = reference or corner_set.views[0].name
+    return calibrate(corner_set, method="one-image", trend=trend, reference=name, mirrored=mirrored(dataset.lens))

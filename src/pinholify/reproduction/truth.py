@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from pinholify.arrays import Floats
 from pinholify.board import Board
+from pinholify.calibration.poses import moved
 from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet
+from pinholify.evaluation.baseline import BoardPoints
+from pinholify.evaluation.heldout import alternating_split, heldout_rms
 from pinholify.evaluation.measures import rms, root_mean_square
 from pinholify.evaluation.summary import Evaluation
 from pinholify.geometry import Pose, apply_homography, estimate_homography
@@ -88,6 +92,15 @@ def corner_errors(dataset: Dataset, corner_set: CornerSet, poses: Mapping[str, P
     return CornerErrors(rms(together), (float(u), float(v)))
 
 
+def exact_corners(dataset: Dataset, corner_set: CornerSet, poses: Mapping[str, Pose]) -> CornerSet:
+    """The corners of ``corner_set`` where they were rendered instead of where they were found."""
+    views = (
+        Corners(v.name, v.ids, dataset.lens.project(poses[v.name].apply(v.lattice(dataset.board))))
+        for v in corner_set.found
+    )
+    return corner_set.with_views(views)
+
+
 def truth_errors(dataset: Dataset, evaluation: Evaluation, poses: Mapping[str, Pose]) -> TruthErrors:
     """The calibration that ``evaluation`` scored, against ``dataset``; ``poses`` as :func:`numbered_poses` gives."""
     calibration = evaluation.calibration
@@ -137,3 +150,24 @@ def map_error(camera: VirtualCamera, lens: Lens, truth: CameraTruth, reference: 
     fitted = apply_homography(estimate_homography(mapped, on_board), mapped)
     return rms(lens.project(reference.apply(fitted)) - pixels)
 
+
+
+def heldout_floor(
+    lens: Lens, corner_set: CornerSet, views: Sequence[Corners], poses: Iterable[Pose]
+) -> float | None:
+    """The held-out error in px that the true ``lens`` has on ``views``, poses refitted: what corner noise leaves.
+
+    The same split and corners as for every other model; the search starts from the true ``poses``. None where nothing
+    is held out.
+    """
+    known = list(poses)
+
+    def residuals(board: BoardPoints) -> Floats:
+        def misses(pose: Pose) -> Floats:
+            return np.asarray(lens.project(pose.apply(board.lattice)) - board.uv)
+
+        start = min(known, key=lambda pose: rms(misses(pose)))
+        fit = least_squares(lambda step: misses(moved(start, step)).ravel(), np.zeros(6), x_scale="jac")
+        return np.asarray(fit.fun.reshape(-1, 2))
+
+    return heldout_rms(residuals, alternating_split(corner_set, views).test)

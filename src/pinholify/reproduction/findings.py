@@ -1,0 +1,154 @@
+"""What the numbers say about the paper's claims, in sentences: where ours agree, where they differ, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pinholify.reproduction.chain import Reproduced
+from pinholify.reproduction.tables import ratio, reported
+
+OPENCV_EXACT = frozenset({"unity-pinhole", "webcam", "webcam-telelens"})
+"""The data sets whose rendered lens is one that OpenCV's five parameters describe exactly."""
+
+CE_LIMIT = 1.5
+"""A collinearity error up to so many times the paper's counts as reproduced."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One claim: whether ours ``agrees`` with it, and ``text`` with the numbers and the reason."""
+
+    claim: str
+    agrees: bool
+    text: str
+
+
+def findings(results: Sequence[Reproduced]) -> tuple[Finding, ...]:
+    """The claims that these ``results`` can judge, in the paper's order."""
+    known = [r for r in results if reported(r) is not None]
+    judged = [collinearity(known), difficulty(known), lower_than_opencv(known), *held_out(known), *mirror(known)]
+    return tuple(finding for finding in judged if finding is not None)
+
+
+def collinearity(results: Sequence[Reproduced]) -> Finding | None:
+    """CE beside the paper's."""
+    times = {r.dataset.title: ratio(r.paper.evaluation.pooled.ce, _ce(r)) or 0.0 for r in results}
+    if not times:
+        return None
+    listed = ", ".join(f"{title} {value:.2f}" for title, value in times.items())
+    return Finding(
+        "The GP keeps lines straight: CE of the paper's order",
+        all(value <= CE_LIMIT for value in times.values()),
+        f"CE with the constant mean, as a multiple of the paper's: {listed}. Values well below 1 say that our corners "
+        "are less noisy than the paper's, by its cameras, its corner detector, or its boards, not that the method does "
+        "better: CE follows the corners' noise.",
+    )
+
+
+def _ce(result: Reproduced) -> float | None:
+    said = reported(result)
+    return None if said is None else said.ce
+
+
+def difficulty(results: Sequence[Reproduced]) -> Finding | None:
+    """Unity's three, then the webcams, then the mirror."""
+    groups = [
+        [r.paper.evaluation.pooled.ce * 1e4 for r in results if r.dataset.name.startswith(prefix)]
+        for prefix in ("unity", "webcam", "mirror")
+    ]
+    if not all(groups):
+        return None
+    unity, webcam, mirrored = groups
+    return Finding(
+        "Order of difficulty: Unity's three, then the webcams, then the mirror",
+        max(unity) < min(webcam) and max(webcam) < min(mirrored),
+        f"CE ×1e-4: Unity {min(unity):.2f} to {max(unity):.2f}, webcams {min(webcam):.2f} to {max(webcam):.2f}, "
+        f"mirror {mirrored[0]:.2f}.",
+    )
+
+
+def lower_than_opencv(results: Sequence[Reproduced]) -> Finding | None:
+    """The paper's RE is below MATLAB's on all six."""
+    above = []
+    for r in results:
+        closed, opencv = r.paper.evaluation.pooled.re_percent, r.ours.evaluation.opencv["opencv5"].re_percent
+        if opencv is not None and closed >= opencv:
+            above.append(f"{r.dataset.title} ({closed:.4f} against {opencv:.4f} %)")
+    if not results:
+        return None
+    why = (
+        f"Not on {'; '.join(above)}. Where OpenCV's formula describes the lens exactly, a least-squares fit to all "
+        "boards cannot be beaten on those very boards by a map made from one of them with K and poses in closed form; "
+        "both show the corners' noise, and with poses refined the two all but meet. The paper's small leads there "
+        "(0.1197 against 0.1229 on its rendered pinhole) may come of measuring the two in different planes, each "
+        "divided by its own spacing. Of the mirror neither is a model."
+    )
+    return Finding(
+        "RE below MATLAB's (here OpenCV-5's) on all six", not above, why if above else "So it is on all data sets here."
+    )
+
+
+def held_out(results: Sequence[Reproduced]) -> list[Finding]:
+    """Error on boards kept out, default trend against OpenCV-5."""
+    found = []
+    for r in results:
+        ours, opencv = r.ours.evaluation.heldout_px, r.ours.evaluation.opencv["opencv5"].heldout_px
+        said, times = reported(r), ratio(opencv, ours)
+        if said is None or ours is None or opencv is None or times is None or r.dataset.name == "mirror":
+            continue
+        numbers = f"{ours:.4f} px against OpenCV-5's {opencv:.4f} px"
+        if r.dataset.name in OPENCV_EXACT:
+            found.append(_against_exact_model(r, numbers, ours, opencv))
+            continue
+        needed = said.matlab_re / said.re
+        found.append(
+            Finding(
+                f"{r.dataset.title}: better than MATLAB by {needed:.1f} times",
+                times >= needed,
+                f"Held out, one photograph and the default trend: {numbers}, {times:.0f} times less. Unity's effect "
+                "acts on coordinates divided by the image's width and height, so it is an ellipse in px, and no "
+                "radial formula follows it; a factor far above the paper's says that the paper's effect was weaker "
+                "than the one simulated here, whose strength it does not give.",
+            )
+        )
+    return found
+
+
+def _against_exact_model(result: Reproduced, numbers: str, ours: float, opencv: float) -> Finding:
+    floor = result.heldout_floor_px
+    return Finding(
+        f"{result.dataset.title}: held out, not above the textbook model's error",
+        ours <= opencv,
+        f"One photograph and the default trend: {numbers}, {100 * (ours / opencv - 1):+.1f} %. This lens is exactly of "
+        "OpenCV's kind, and OpenCV's model is trained on half of all boards where ours has one. The true lens itself, "
+        f"with only the poses refitted, leaves {'no number' if floor is None else f'{floor:.4f} px'}: nearly all of "
+        "either error is the noise of the corners that are scored.",
+    )
+
+
+def mirror(results: Sequence[Reproduced]) -> list[Finding]:
+    """The claim that a camera at a curved mirror becomes a pinhole camera."""
+    found = []
+    for r in results:
+        said = reported(r)
+        if r.dataset.lens.central or said is None:
+            continue
+        pooled, truth, exact = r.paper.evaluation.pooled, r.paper.truth, r.exact
+        counted, seen = len(r.paper.evaluation.observed), len(r.corner_set.found)
+        found.append(
+            Finding(
+                f"{r.dataset.title}: a perfect pinhole camera (RE {said.re:.2f})",
+                pooled.re_percent <= CE_LIMIT * said.re,
+                f"RE is {pooled.re_percent:.2f} % in closed form and {pooled.re_refined_percent:.2f} % with poses "
+                f"refined, over {counted} of {seen} boards, where the paper has {said.re:.2f}. Neither noise nor the "
+                f"fit is to blame: exact corners leave {exact.re_percent:.2f} and {exact.re_refined_percent:.2f} %, "
+                f"and on the reference board's plane the map errs by only {truth.map_px:.3f} px. The rays of a camera that "
+                "looks at a curved mirror do not pass through one point, so no map of its image makes it a pinhole "
+                "camera. CE hardly shows it: lines on other planes stay nearly straight "
+                f"({pooled.ce * 1e4:.2f}e-4 here, {said.ce * 1e4:.2f}e-4 in the paper), but no single K relates these "
+                "planes. For the paper's RE its mirror must have been flatter over the boards, or the boards more "
+                "alike in depth and tilt, than those simulated here.",
+            )
+        )
+    return found
