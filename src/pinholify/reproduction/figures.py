@@ -104,7 +104,7 @@ def _draw_pencil(cell: Any, drawing: PinholeDrawing) -> None:
     cell.scatter([0], [0], [0], color=DOT, s=16, depthshade=False)
     low, high = placed.min(axis=(0, 1)), placed.max(axis=(0, 1))
     cell.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    cell.set_box_aspect(high - low, zoom=1.05)
+    cell.set_box_aspect(high - low, zoom=0.98)
     cell.view_init(elev=18, azim=-55)
     cell.locator_params(nbins=4)
     cell.tick_params(labelsize=6, pad=-2)

@@ -143,9 +143,9 @@ def mirror(results: Sequence[Reproduced]) -> list[Finding]:
                 f"RE is {pooled.re_percent:.2f} % in closed form and {pooled.re_refined_percent:.2f} % with poses "
                 f"refined, over {counted} of {seen} boards, where the paper has {said.re:.2f}. Neither noise nor the "
                 f"fit is to blame: exact corners leave {exact.re_percent:.2f} and {exact.re_refined_percent:.2f} %, "
-                f"and on the reference board's plane the map errs by only {truth.map_px:.3f} px. The rays of a camera that "
-                "looks at a curved mirror do not pass through one point, so no map of its image makes it a pinhole "
-                "camera. CE hardly shows it: lines on other planes stay nearly straight "
+                f"and on the reference board's plane the map errs by only {truth.map_px:.3f} px. The rays of a camera "
+                "that looks at a curved mirror do not pass through one point, so no map of its image makes it a "
+                "pinhole camera. CE hardly shows it: lines on other planes stay nearly straight "
                 f"({pooled.ce * 1e4:.2f}e-4 here, {said.ce * 1e4:.2f}e-4 in the paper), but no single K relates these "
                 "planes. For the paper's RE its mirror must have been flatter over the boards, or the boards more "
                 "alike in depth and tilt, than those simulated here.",

@@ -3,7 +3,7 @@
 "use strict";
 (() => {
   const panels = JSON.parse(document.getElementById("pinhole-lines").textContent);
-  const home = { yaw: -0.6, pitch: 0.35, zoom: 1 };
+  const home = { yaw: -0.6, pitch: 0.3, zoom: 1 };
 
   function turned([x, y, z], view) {
     const c = Math.cos(view.yaw), s = Math.sin(view.yaw);
@@ -15,7 +15,12 @@
   function start(canvas, panel) {
     const context = canvas.getContext("2d");
     const view = { ...home };
-    const reach = Math.max(...panel.segments.flat().map((point) => Math.hypot(...point)));
+    const points = panel.segments.flat();
+    const middle = [0, 1, 2].map((axis) => {
+      const along = points.map((point) => point[axis]);
+      return (Math.min(...along) + Math.max(...along)) / 2;
+    });
+    const reach = Math.max(...points.map((point) => Math.hypot(...point.map((x, axis) => x - middle[axis]))));
     const note = canvas.parentElement.querySelector(".zoom");
 
     function draw() {
@@ -24,8 +29,10 @@
       canvas.width = width * ratio;
       canvas.height = height * ratio;
       context.setTransform(ratio, 0, 0, ratio, 0, 0);
-      const scale = (0.85 * Math.min(width, height) / reach) * view.zoom;
-      const origin = [width * (view.zoom > 1.5 ? 0.5 : 0.25), height / 2];
+      const unit = 0.7 * Math.min(width, height) / reach;
+      const scale = unit * view.zoom;
+      const [across, down] = turned(middle, view);
+      const origin = [width / 2 - unit * across, height / 2 - unit * down];
       const place = (point) => {
         const [a, b] = turned(point, view);
         return [origin[0] + scale * a, origin[1] + scale * b];
