@@ -80,13 +80,18 @@ class Grower:
 
     def _grow(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
         """``lattice`` with ring after ring of corners that stand at the ends of good edges, none in ``banned``."""
+        doubled = 2 * FEWEST
         while True:
             grown = self._ring(lattice, banned)
             kept = bounded(self.grey, grown)
             banned |= _pairs(grown.index[~kept])
             grown = grown.select(kept)
-            if len(grown) <= len(lattice) or (len(grown) >= 2 * FEWEST and disorder(grown) > DISORDER):
+            if len(grown) <= len(lattice):
                 return grown
+            if len(grown) >= doubled:
+                if disorder(grown) > DISORDER:
+                    return grown
+                doubled = 2 * len(grown)
             lattice = grown
 
     def _ring(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
@@ -97,9 +102,8 @@ class Grower:
                 continue
             expected = predict(lattice.index, lattice.uv, frontier)
             uv, found = self._match(frontier, expected, lattice)
-            again = np.flatnonzero(~found)
-            if len(again) and len(lattice) >= FEWEST:
-                uv[again], found[again] = self._search(frontier[again], expected.select(again), lattice)
+            if not found.any() and len(lattice) >= FEWEST:
+                uv, found = self._search(frontier, expected, lattice)
             if found.any():
                 return lattice.joined(frontier[found], uv[found])
         return lattice

@@ -42,10 +42,6 @@ class Prediction:
     jacobian: Floats
     spacing: Floats
 
-    def select(self, keep: Ints) -> Prediction:
-        """The predictions at the positions ``keep``."""
-        return Prediction(self.uv[keep], self.std[keep], self.jacobian[keep], self.spacing[keep])
-
 
 def predict(known: Ints, uv: Floats, query: Floats | Ints, *, leave_out: bool = False) -> Prediction:
     """Predicts the pixels of the indices ``query`` (m, 2) from ``uv`` (n, 2) px at the indices ``known`` (n,
