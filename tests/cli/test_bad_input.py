@@ -77,6 +77,18 @@ class TestImages:
         assert "is given twice; name each image once" in refused(command, path, path, "--board", "9x6")
 
 
+def test_too_few_boards_among_images_without_one(refused, photographs):
+    paths = [photographs / "small-00.png", photographs / "small-01.png", *(grey(Path(f"{i}.png")) for i in range(3))]
+    sentence = refused("calibrate", *paths, "--board", "9x6")
+    assert "a 9x6 board was found in 2 of the 5 images where 3 are needed (0.png, 1.png, 2.png: no board" in sentence
+
+
+def test_board_smaller_than_said(refused, photographs):
+    paths = [photographs / f"small-{i:02d}.png" for i in (0, 1, 2)]
+    sentence = refused("calibrate", *paths, "--board", "12x9")
+    assert "the board has 9x6 inner corners, not 12x9" in sentence
+
+
 @pytest.fixture
 def damaged(photographs):
     """Files that are no images, whatever they are called, and what is said of them."""
@@ -215,15 +227,15 @@ def not_a_camera(kind: str, camera: Path) -> bytes:
         np.savez(file, numbers=np.zeros(3))
     elif kind == "bomb":
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("header.npy", "w") as entry:
-            for _ in range(1025):
-                entry.write(bytes(1 << 20))
+            entry.write(bytes(1 << 21))
     elif kind == "text":
         return b"no camera\n"
     return file.getvalue()
 
 
 @pytest.mark.parametrize("kind", ["empty", "text", "cut", "pickle", "pickled array", "other archive", "bomb"])
-def test_file_that_is_no_camera(refused, camera, photographs, kind):
+def test_file_that_is_no_camera(refused, camera, photographs, monkeypatch, kind):
+    monkeypatch.setattr("pinholify.io.camera_file.MAX_BYTES", 1 << 20)
     Path("bad.npz").write_bytes(not_a_camera(kind, camera))
     for words in (["evaluate", "bad.npz", photographs], ["undistort", "bad.npz", photographs, "-o", "out"]):
         assert "'pinholify calibrate' wrote" in refused(*words)

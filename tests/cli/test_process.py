@@ -66,7 +66,7 @@ def test_methods_are_those_of_the_pipeline():
 
 
 def test_reader_that_has_seen_enough(camera):
-    Path("uv.csv").write_text("u,v\n" + "100,200\n" * 40_000)
+    Path("uv.csv").write_text("u,v\n" + "100,200\n" * 6_000)
     command = subprocess.Popen(
         [*PINHOLIFY, "map", str(camera), "uv.csv", "--to", "rays"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,

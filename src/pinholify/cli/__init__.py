@@ -19,6 +19,7 @@ COMMANDS = {
     "calibrate": "Make a perfect pinhole camera from photographs of a board.",
     "map": "Map points between pixels, the virtual plane and rays.",
     "undistort": "Straighten photographs.",
+    "export": "Write an ideal pinhole view as other programs' calibration files.",
     "evaluate": "Score a camera on photographs of a board.",
     "board": "Print a board, true to scale.",
     "simulate": "Render the paper's six data sets, with truth.",

@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
 
 METHODS = ("auto", "joint", "one-image")
+FEWEST_BOARDS = 3  # the reference and two that stand otherwise
 
 
 @click.command(
@@ -82,7 +83,7 @@ def command(
 
     method = chosen_method(method, kernel, trend)
     check_output(output, force=force, is_ours=is_camera_file, inputs=input_files(images, table))
-    corner_set = gather_corners(images, table, board, image_size, mirrored)
+    corner_set = gather_corners(images, table, board, image_size, mirrored, needed=FEWEST_BOARDS)
     again = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored)
     with solving():
         calibration = again(corner_set, reference=reference, square_mm=square_mm)

@@ -42,7 +42,7 @@ def command(
     files = input_files(images, None)
     if output != "-":
         check_output(Path(output), force=force, is_ours=is_corner_table, inputs=files)
-    corners = detect_with_progress(files, board, mirrored, workers)
+    corners = detect_with_progress(files, board, mirrored, workers=workers)
     if output != "-":
         write_corner_table(output, corners)
     elif not as_json:

@@ -32,14 +32,14 @@ def input_files(images: Sequence[Path], table: str | None) -> list[Path]:
 
 
 def detect_with_progress(
-    images: Sequence[Path], board: Board, mirrored: bool, workers: int | None = None
+    images: Sequence[Path], board: Board, mirrored: bool, *, workers: int | None = None, needed: int = 1
 ) -> CornerSet:
-    """The corners of ``board`` in image files; says which show none, and raises CalibrationError if all do."""
+    """The corners of ``board`` in image files; says which show none, CalibrationError if fewer than ``needed`` do."""
     from pinholify.detection import detect_files
 
     with progress("Looking for boards", len(images)) as advance:
         corners = detect_files(images, board, mirrored=mirrored, workers=workers, on_result=lambda _: advance())
-    check_found(corners)
+    check_found(corners, needed)
     return corners
 
 
@@ -49,10 +49,12 @@ def gather_corners(
     board: Board,
     image_size: tuple[int, int] | None,
     mirrored: bool,
+    *,
+    needed: int = 1,
 ) -> CornerSet:
     """Corners from photographs or from a table (``-`` is standard input), whichever was given.
 
-    Says which images show no board, and raises CalibrationError if none does.
+    Says which images show no board, and raises CalibrationError if fewer than ``needed`` show one.
     """
     from pinholify.io.corner_tables import read_corner_table
 
@@ -60,12 +62,12 @@ def gather_corners(
     if table is None:
         if image_size is not None:
             raise click.UsageError("--image-size goes with --corners; photographs tell their own size")
-        return detect_with_progress(files, board, mirrored)
+        return detect_with_progress(files, board, mirrored, needed=needed)
     if image_size is None:
         raise click.UsageError("--corners needs --image-size WxH: a table does not tell the size of the images")
     corners = read_corner_table(sys.stdin if table == "-" else table, board=board, image_size=image_size)
     check_plausible(corners)
-    check_found(corners)
+    check_found(corners, needed)
     return corners
 
 
@@ -100,15 +102,18 @@ def solving() -> Iterator[None]:
         ) from None
 
 
-def check_found(corners: CornerSet) -> None:
-    """Say which images show no board, and why, in few lines; raise CalibrationError where none shows one."""
+def check_found(corners: CornerSet, needed: int) -> None:
+    """Say which images show no board, and why, in few lines.
+
+    Raises CalibrationError where none shows one, and where so many show none that fewer than ``needed`` do.
+    """
     reasons: dict[str, list[str]] = defaultdict(list)
     for view in corners.views:
         if not view.found:
             reasons[view.reason or "no board found"].append(view.name)
     ordered = sorted(reasons.items(), key=lambda item: -len(item[1]))
-    if not corners.found:
-        raise CalibrationError(_nowhere(corners, ordered))
+    if reasons and len(corners.found) < needed:
+        raise CalibrationError(_too_few(corners, needed, *ordered[0]))
     for reason, names in ordered[:REASONS_SHOWN]:
         say(f"{_listed(names)}: {reason}")
     more = sum(len(names) for _, names in ordered[REASONS_SHOWN:])
@@ -116,13 +121,19 @@ def check_found(corners: CornerSet) -> None:
         say(f"{more} more images show no board; 'pinholify detect --json' tells why for each")
 
 
-def _nowhere(corners: CornerSet, reasons: list[tuple[str, list[str]]]) -> str:
-    reason, names = reasons[0]
-    where = f"in any of the {len(corners.views)} images" if len(corners.views) > 1 else f"in '{names[0]}'"
-    count = "" if len(names) == len(corners.views) else f"{len(names)} times: "
+def _too_few(corners: CornerSet, needed: int, reason: str, names: list[str]) -> str:
+    """The sentence about boards that are missing, with the most frequent ``reason``, that of the images ``names``."""
+    spec, total, found = corners.board.spec, len(corners.views), len(corners.found)
+    if total == 1:
+        what = f"no {spec} board was found in '{names[0]}'"
+    elif not found:
+        what = f"no {spec} board was found in any of the {total} images"
+    else:
+        what = f"a {spec} board was found in {found} of the {total} images where {needed} are needed"
+    count = "" if len(names) == total else f"{_listed(names)}: "
     return (
-        f"no {corners.board.spec} board was found {where} ({count}{reason}); check the board's size (inner corners, "
-        "columns x rows) and that it is sharp and well lit"
+        f"{what} ({count}{reason}); check the board's size (inner corners, columns x rows) and that it is sharp and "
+        "well lit"
     )
 
 

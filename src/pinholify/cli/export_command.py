@@ -1,0 +1,69 @@
+"""``pinholify export``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pinholify.cli import options
+from pinholify.cli.options import check_output, examples, force_option, say
+from pinholify.io.export import FORMATS
+
+FORMAT_LIST = "\b\nFormats:\n" + "\n".join(f"  {name:14} {title}" for name, title in FORMATS.items())
+
+
+@click.command(
+    "export",
+    epilog=f"{FORMAT_LIST}\n\n{examples('pinholify export camera.npz --format ros --view camera -o camera_info.yaml')}",
+)
+@click.argument("camera", type=click.Path(path_type=Path))
+@click.option(
+    "--format",
+    "format_name",
+    type=click.Choice(list(FORMATS)),
+    required=True,
+    metavar="NAME",
+    help="What to write; see the list below.",
+)
+@click.option(
+    "--view",
+    type=click.Choice(["camera", "board"]),
+    default="camera",
+    show_default=True,
+    help="Look along the optical axis, or straight at the reference board.",
+)
+@click.option("--size", type=options.size, metavar="WxH", help="Size of the view in px; the image's by default.")
+@click.option(
+    "--max-std",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Show what is known to this many px, instead of the camera's domain.",
+)
+@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="File to write.")
+@force_option
+def command(
+    camera: Path,
+    format_name: str,
+    view: str,
+    size: tuple[int, int] | None,
+    max_std: float | None,
+    output: Path,
+    force: bool,
+) -> None:
+    """Write an ideal pinhole view of CAMERA in the format of another program.
+
+    The view has no distortion: it is true of images that 'pinholify undistort' made with the same --view, --size and
+    --max-std. What the view or the format leaves out is said on standard error.
+    """
+    from pinholify.io.camera_file import read_camera
+    from pinholify.io.export import format_named
+    from pinholify.io.export.base import export_view
+
+    form = format_named(format_name)
+    form.check_path(output)
+    for file in form.files(output):
+        check_output(file, force=force, inputs=(camera,))
+    lost = export_view(read_camera(camera).camera, format_name, output, view, size=size, max_std=max_std)
+    click.echo(f"wrote {' and '.join(str(file) for file in form.files(output))}: view '{view}' for {format_name}")
+    for sentence in lost:
+        say(f"note: {sentence}")
