@@ -69,6 +69,56 @@ class Checkerboard:
         return (self.columns + self.rows) % 2 == 1
 
 
+MARKERS: dict[str, int] = {
+    **{f"DICT_{bits}X{bits}_{count}": count for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
+    "DICT_ARUCO_ORIGINAL": 1024,
+    "DICT_ARUCO_MIP_36h12": 250,
+    "DICT_APRILTAG_16h5": 30,
+    "DICT_APRILTAG_25h9": 35,
+    "DICT_APRILTAG_36h10": 2320,
+    "DICT_APRILTAG_36h11": 587,
+}
+"""OpenCV's dictionaries of square markers, and how many markers each has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Charuco:
+    """A ChArUco board: a checkerboard with an ArUco marker in each white square.
+
+    ``columns`` × ``rows`` are its inner corners, one less than its squares each way; ``dictionary`` is one of
+    ``MARKERS``; ``marker`` is a marker's side ÷ a square's. Raises BoardError below 3×3 inner corners, for an unknown
+    or too small dictionary, and for a marker that does not fit in its square.
+    """
+
+    columns: int
+    rows: int
+    dictionary: str
+    marker: float
+
+    def __post_init__(self) -> None:
+        Checkerboard(self.columns, self.rows)
+        if self.dictionary not in MARKERS:
+            raise BoardError(f"'{self.dictionary}' is no dictionary of markers; these are: {', '.join(MARKERS)}")
+        needed = (self.columns + 1) * (self.rows + 1) // 2
+        if needed > MARKERS[self.dictionary]:
+            raise BoardError(
+                f"the board needs {needed} markers, but {self.dictionary} has only {MARKERS[self.dictionary]}; "
+                "name a larger dictionary or a smaller board"
+            )
+        if not 0.0 < self.marker < 1.0:
+            raise BoardError(f"a marker of {self.marker:g} of a square was asked for; it must be between 0 and 1")
+
+    @property
+    def spec(self) -> str:
+        """``"charuco:9x7:DICT_4X4_100:0.5"``, in squares."""
+        return f"charuco:{self.columns + 1}x{self.rows + 1}:{self.dictionary}:{self.marker:g}"
+
+    @property
+    def orientable(self) -> bool:
+        """Always: each marker is known by itself."""
+        return True
+
+
 def size(board: Board) -> int:
     """Number of lattice points of ``board``."""
     return board.columns * board.rows
@@ -94,7 +144,17 @@ def _checkerboard(text: str) -> Checkerboard:
     return Checkerboard(int(match[1]), int(match[2]))
 
 
-BOARD_KINDS: dict[str, Callable[[str], Board]] = {"checkerboard": _checkerboard}
+def _charuco(text: str) -> Charuco:
+    match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4}):(\w+):(\d*\.?\d+)", text)
+    if match is None:
+        raise BoardError(
+            f"'charuco:{text}' is no board; write squares, OpenCV's name of the markers, and marker side ÷ square "
+            "side, for example charuco:9x7:DICT_4X4_100:0.5"
+        )
+    return Charuco(int(match[1]) - 1, int(match[2]) - 1, match[3], float(match[4]))
+
+
+BOARD_KINDS: dict[str, Callable[[str], Board]] = {"checkerboard": _checkerboard, "charuco": _charuco}
 """Readers of board descriptions by the word before the first colon; a bare size is a checkerboard."""
 
 
