@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.board import Board, Checkerboard, size
+from pinholify.board import Board, Charuco, Checkerboard, size
 from pinholify.corners import Corners, not_found
 from pinholify.detection.candidates import find_candidates
+from pinholify.detection.charuco import detect_charuco
 from pinholify.detection.growth import FEWEST, grower
 from pinholify.detection.intensity import Grey, grey_levels
 from pinholify.detection.lattice import Lattice
@@ -33,10 +34,12 @@ def detect_board(image: NDArray[Any], board: Board, *, name: str = "", mirrored:
     result says so. Of several boards the largest complete one counts, then the part with the most corners.
     Where no board is found the result has no corners and a ``reason``.
     """
-    grey = grey_levels(image)
-    height, width = grey.shape
+    height, width = image.shape[:2]
     if min(height, width) < SMALLEST_SIDE:
         return not_found(name, f"the image is only {width}x{height} px, too small to show a board")
+    if isinstance(board, Charuco):
+        return detect_charuco(image, board, name=name)
+    grey = grey_levels(image)
     best = not_found(name, f"no board of {board.spec} inner corners was found")
     for lattices in _searches(grey):
         for lattice in lattices:

@@ -79,7 +79,9 @@ class Grower:
         return lattice
 
     def _grow(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
-        """``lattice`` with ring after ring of corners that stand at the ends of good edges, none in ``banned``."""
+        """``lattice`` with ring after ring of corners that stand at the ends of good edges, none in
+        ``banned``.
+        """
         doubled = 2 * FEWEST
         while True:
             grown = self._ring(lattice, banned)
@@ -170,9 +172,11 @@ def bounded(grey: Grey, lattice: Lattice) -> Bools:
 
 
 def _edge_rises(grey: Grey, lattice: Lattice, step: Ints) -> tuple[Ints, Ints, Floats]:
-    """For corners one ``step`` apart: their positions (m,) in ``lattice`` and the rise of grey from dark to bright.
+    """For corners one ``step`` apart: their positions (m,) in ``lattice`` and the rise of grey from dark to
+    bright.
 
-    The rise is measured across the middle of the straight line between them, an eighth of its length to each side.
+    The rise is measured across the middle of the straight line between them, an eighth of its length to each
+    side.
     """
     place = {pair: k for k, pair in enumerate(zip(*lattice.index.T.tolist(), strict=True))}
     di, dj = step.tolist()

@@ -24,7 +24,8 @@ FEWEST_OF_PART = 12
 """Corners below which a part of a board is not believed."""
 
 MARGIN = 1.2
-"""Where the margin is looked for, in squares beyond the last corners; the outermost squares may be cut short."""
+"""Where the margin is looked for, in squares beyond the last corners; the outermost squares may be cut short.
+"""
 
 STRAY = 0.34
 """An outer line with less than this fraction of its neighbour's corners may be none of the board's."""

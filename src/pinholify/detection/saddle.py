@@ -110,7 +110,8 @@ def refine_saddles(grey: Grey, uv: Floats, frames: Floats) -> Saddles:
 
 
 def saddle_strength(grey: Grey, uv: Floats, frames: Floats) -> Floats:
-    """The fitted mixed term (N,) of s·t in grey levels at ``uv``, as :class:`Saddles` has it, without moving."""
+    """The fitted mixed term (N,) of s·t in grey levels at ``uv``, as :class:`Saddles` has it, without moving.
+    """
     return np.asarray(windows(grey, uv, frames) @ _quadratic_fit()[1][4])
 
 

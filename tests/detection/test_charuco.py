@@ -1,0 +1,99 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pinholify.board import MARKERS, Charuco, parse_board
+from pinholify.detection import detect_board, detect_files
+from pinholify.errors import BoardError
+from pinholify.geometry import apply_homography
+from pinholify.io.images import image_paths
+
+DATA = Path(__file__).parents[2] / "../shared/data/charuco"
+SPEC = "charuco:9x7:DICT_4X4_100:0.5"
+BOARD = parse_board(SPEC)
+
+
+def view(homography, *, hide=None):
+    """OpenCV's own drawing of the board, warped, and the true corners in px."""
+    side = 60
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_100)
+    flat = cv2.aruco.CharucoBoard((9, 7), 1.0, 0.5, dictionary).generateImage((9 * side, 7 * side), marginSize=0)
+    flat = cv2.copyMakeBorder(flat, side, side, side, side, cv2.BORDER_CONSTANT, value=255)
+    if hide is not None:
+        flat[hide] = 128
+    image = cv2.warpPerspective(flat, homography, (800, 600), flags=cv2.INTER_AREA, borderValue=90)
+    image = cv2.GaussianBlur(image, (0, 0), 0.8)
+    x, y = np.meshgrid(np.arange(8), np.arange(6))
+    flat_corners = np.stack([x.ravel(), y.ravel()], axis=1) * side + 2 * side - 0.5
+    return image, apply_homography(homography, flat_corners)
+
+
+HOMOGRAPHY = np.array([[0.9, 0.12, 60.0], [-0.05, 0.95, 40.0], [2e-4, 1e-4, 1.0]])
+
+
+@pytest.mark.parametrize("half_turn", [False, True])
+def test_markers_tell_every_corner_by_its_id(half_turn):
+    turn = np.array([[-1.0, 0, 799], [0, -1, 599], [0, 0, 1]]) if half_turn else np.eye(3)
+    image, truth = view(turn @ HOMOGRAPHY)
+    corners = detect_board(image, BOARD)
+    assert np.array_equal(corners.ids, np.arange(48))
+    assert not corners.orientation_assumed
+    assert np.linalg.norm(corners.uv - truth, axis=1).max() < 0.15
+
+
+def test_markers_tell_a_reflection():
+    image, truth = view(HOMOGRAPHY)
+    corners = detect_board(image[:, ::-1], BOARD)
+    assert np.array_equal(corners.ids, np.arange(48))
+    assert np.linalg.norm(corners.uv - (truth * [-1, 1] + [799, 0]), axis=1).max() < 0.15
+
+
+def test_corners_without_markers_get_their_ids_from_the_lattice():
+    image, truth = view(HOMOGRAPHY, hide=np.s_[:170, :250])
+    corners = detect_board(image, BOARD)
+    assert 38 <= len(corners) < 48
+    assert np.linalg.norm(corners.uv - truth[corners.ids], axis=1).max() < 0.3
+
+
+def test_a_plain_board_is_no_charuco_board(board_image):
+    image, _ = board_image(8, 6)
+    assert "too few markers" in detect_board(image, BOARD).reason
+
+
+def test_descriptions_are_read_back():
+    assert parse_board(SPEC) == Charuco(8, 6, "DICT_4X4_100", 0.5)
+    assert parse_board(BOARD.spec) == BOARD
+    assert BOARD.orientable
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("charuco:9x7", "write squares"),
+        ("charuco:9x7:DICT_4X4_99:0.5", "no dictionary"),
+        ("charuco:20x20:DICT_4X4_100:0.5", "needs 200 markers"),
+        ("charuco:9x7:DICT_4X4_100:1.5", "between 0 and 1"),
+        ("charuco:3x7:DICT_4X4_100:0.5", "at least 3x3"),
+    ],
+)
+def test_descriptions_that_cannot_be(text, words):
+    with pytest.raises(BoardError, match=words):
+        parse_board(text)
+
+
+def test_every_dictionary_is_known_to_opencv():
+    for name, count in MARKERS.items():
+        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+        assert len(dictionary.bytesList) == count
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real photographs in ../shared/data are not here")
+def test_no_fewer_corners_than_opencv_finds():
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_100)
+    detector = cv2.aruco.CharucoDetector(cv2.aruco.CharucoBoard((9, 7), 1.0, 0.5, dictionary))
+    paths = image_paths([DATA])
+    for path, corners in zip(paths, detect_files(paths, BOARD).views, strict=True):
+        _, ids, _, _ = detector.detectBoard(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+        assert set(ids.ravel()) <= set(corners.ids)
