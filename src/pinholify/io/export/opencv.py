@@ -1,0 +1,53 @@
+"""OpenCV's FileStorage, YAML or XML by the ending: OUT with K, and OUT-maps with the maps for ``cv2.remap``.
+
+Keys of OUT are those of OpenCV's own calibration samples. Maps are kept in base64, or a 4K view would be 150 MB of
+digits.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pinholify.errors import OutputError
+from pinholify.io.export.base import Format, PinholeExport, beside
+from pinholify.io.files import atomic_path
+
+
+def write(export: PinholeExport, path: Path) -> None:
+    """K and zero distortion into ``path``, maps into the file beside it."""
+    width, height = export.view.size
+    model = {
+        "image_width": width,
+        "image_height": height,
+        "camera_matrix": np.array(export.view.matrix),
+        "distortion_coefficients": np.zeros((1, 5)),
+        "view": export.view_name,
+        "rotation": np.array(export.view.rotation),
+        "statement": "\n".join(export.statement),
+    }
+    map_x, map_y = export.maps
+    _write_storage(path, model)
+    _write_storage(files(path)[1], {"map_x": map_x, "map_y": map_y}, base64=True)
+
+
+def files(path: Path) -> tuple[Path, Path]:
+    """The two files that are written when the user says ``path``."""
+    return path, beside(path, "-maps")
+
+
+def _write_storage(path: Path, entries: dict[str, object], *, base64: bool = False) -> None:
+    import cv2
+
+    mode = cv2.FILE_STORAGE_WRITE | (cv2.FILE_STORAGE_BASE64 if base64 else 0)
+    with atomic_path(path) as temporary:
+        storage = cv2.FileStorage(str(temporary), mode)
+        if not storage.isOpened():
+            raise OutputError(f"'{path}' cannot be written by OpenCV; choose another place")
+        for name, value in entries.items():
+            storage.write(name, value)
+        storage.release()
+
+
+FORMAT = Format((".yaml", ".yml", ".xml"), write, files=files)
