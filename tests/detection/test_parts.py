@@ -110,7 +110,7 @@ def test_large_squares_in_a_large_image(board_image):
 
 def test_a_bent_board_is_followed(board_image):
     """A barrel distortion of the rendered picture, whose corners are then known."""
-    k, centre, scale = 0.25, np.array([319.5, 239.5]), 320.0
+    k, centre, scale = 0.4, np.array([319.5, 239.5]), 320.0
     image, truth = board_image(9, 6, homography=shifted((-60, -40)), noise=0.0)
     v, u = np.mgrid[0:480, 0:640]
     q = (np.stack([u, v], axis=-1) - centre) / scale
@@ -122,7 +122,7 @@ def test_a_bent_board_is_followed(board_image):
     corners = detect_board(bent, BOARD)
     assert len(corners) == 54
     miss = error(corners, place * scale + centre)
-    assert np.sqrt((miss**2).mean()) < 0.04
+    assert np.sqrt((miss**2).mean()) < 0.028  # 0.020; 0.035 where windows do not follow the bent lines
 
 
 def test_weights_fall_with_noise(board_image):
