@@ -35,6 +35,9 @@ from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
 SCREENING_LENGTH_SCALE = 0.2  # the shortest that screening resolves, in half diagonals of the image
 FIRST_LENGTH_SCALE = 0.4
+FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
+ENDS_COST = 100.0  # nats
+WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
 PATIENCE = 2  # orders without gain after which higher ones are not tried
 WORTH = 3.0  # nats that the process must bring for its two parameters
 CONTENDERS, WINDOW = 6, 40.0  # how many of the best get a closer look, and how many nats behind the best
@@ -44,13 +47,15 @@ CONTENDERS, WINDOW = 6, 40.0  # how many of the best get a closer look, and how 
 class Setting:
     """What all candidates share: the ``density`` of the kernel with its number of ``scales``, the ``shape``,
 
-    ``half_size`` (2,) of the image, ``shortest`` of the length scale's prior.
+    ``half_size`` (2,) of the image, ``covered`` (2,) the farthest that corners were seen from its middle, ``shortest``
+    of the length scale's prior.
     """
 
     density: LogDensity
     scales: int
     shape: BoardShape
     half_size: Floats
+    covered: Floats
     shortest: float
 
     def model(self, trend: Trend, basis: SineBasis | None = None) -> Model:
@@ -69,6 +74,7 @@ class Candidate:
     log_evidence: float
     problem: Linearised
     origin: Solution
+    ends_in_image: bool
 
     @property
     def name(self) -> str:
@@ -77,8 +83,12 @@ class Candidate:
 
     @property
     def score(self) -> float:
-        """What candidates are compared by: a process has to be worth its two parameters."""
-        return self.log_evidence - (WORTH if len(self.hyperparameters.kernel) else 0.0)
+        """What candidates are compared by: a process has to be worth its two parameters, and a trend that does not
+
+        reach the image's corners has to be far better than one that does.
+        """
+        cost = (WORTH if len(self.hyperparameters.kernel) else 0.0) + (ENDS_COST if self.ends_in_image else 0.0)
+        return self.log_evidence - cost
 
 
 def solve_trend(setting: Setting, trend: Trend, known: Solution, seen: Observations) -> Solution | None:
@@ -136,7 +146,7 @@ def solve(setting: Setting, search: Search, known: Solution, seen: Observations)
         candidate = _candidate(setting, trend, solution, part, profile_noise(part, solution.noise))
         if candidate is not None:
             plain.append(candidate)
-    plain.sort(key=lambda candidate: -candidate.log_evidence)
+    plain.sort(key=lambda candidate: -candidate.score)
     return Solved(search.general, solution, problem, tuple(plain)) if plain else None
 
 
@@ -150,14 +160,17 @@ def _removed(general: Trend, trend: Trend, problem: Linearised) -> Bools:
 
 
 def _candidate(setting: Setting, trend: Trend, solution: Solution, problem: Linearised, fit: Fit) -> Candidate | None:
-    """None where the trend is not one to one on the image."""
+    """None where the trend is not one to one even where there are corners."""
     best = fit.hyperparameters
     precision = best.precision(setting.density, problem.frequencies, problem.precision)
     theta = problem.theta + posterior(problem, precision, best.noise).delta
     m, p = 2 * len(problem.frequencies), len(trend.prior_std)
-    if trend.folds(theta[m : m + p], setting.half_size):
+    beta = theta[m : m + p]
+    if trend.folds(beta, setting.covered):
         return None
-    return Candidate(trend, best, fit.log_evidence, problem, solution)
+    return Candidate(
+        trend, best, fit.log_evidence, problem, solution, trend.folds(beta, FOLD_MARGIN * setting.half_size)
+    )
 
 
 def candidates(
@@ -172,7 +185,7 @@ def candidates(
         if sufficient:
             return
         solved = [solve(setting, search, known, seen) for search in searches]
-        for each in sorted(filter(None, solved), key=lambda one: -one.plain[0].log_evidence):
+        for each in sorted(filter(None, solved), key=lambda one: -one.plain[0].score):
             strongest = each.plain[0].log_evidence
             yield from each.plain
             if sufficient:
@@ -183,13 +196,18 @@ def candidates(
                 continue
             best = max(found, key=lambda candidate: candidate.log_evidence)
             sufficient = best.log_evidence < strongest + WORTH
-            start = best.hyperparameters
+            start = _strong_enough(best.hyperparameters)
 
 
 def _first_guess(setting: Setting, solved: Solved) -> Hyperparameters:
     """A process as strong as what the best trend leaves."""
     noise = solved.plain[0].hyperparameters.noise
     return Hyperparameters(np.log([noise, *[FIRST_LENGTH_SCALE] * setting.scales]), noise)
+
+
+def _strong_enough(hyperparameters: Hyperparameters) -> Hyperparameters | None:
+    """None where the process has died, from where no search finds back."""
+    return hyperparameters if np.exp(hyperparameters.kernel[0]) > WEAK * hyperparameters.noise else None
 
 
 def _with_process(setting: Setting, solved: Solved, start: Hyperparameters) -> Iterator[Candidate]:
@@ -201,7 +219,7 @@ def _with_process(setting: Setting, solved: Solved, start: Hyperparameters) -> I
         fit = maximise_evidence(
             problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE, most=15
         )
-        start = fit.hyperparameters
+        start = _strong_enough(fit.hyperparameters) or start
         found = _candidate(setting, plain.trend, solved.solution, problem, fit)
         if found is not None:
             yield found
@@ -252,7 +270,7 @@ def _closer(
             found.append(candidate)
     if not found:
         return None
-    best = max(found, key=lambda candidate: candidate.log_evidence)
+    best = max(found, key=lambda candidate: candidate.score)
     fit = (
         profile_noise(best.problem, hyper.noise)
         if not len(hyper.kernel)

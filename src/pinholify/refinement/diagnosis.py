@@ -1,29 +1,48 @@
 """Is it good? Structure in the residuals, boards that look wrong, and where the next board helps most.
 
-Pure functions of a :class:`~pinholify.refinement.result.JointResult` and the corners it came from.
+Pure functions of residuals, such as a :class:`~pinholify.refinement.result.JointResult` has, and their corners.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import chi2, norm
 
-from pinholify.arrays import Floats, Ints, frozen
+from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.board import Board, lattice
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
 from pinholify.geometry import Pose
 from pinholify.refinement.maps import JointMap
 from pinholify.refinement.model import cross_matrices, rotations_of
-from pinholify.refinement.result import JointResult
 
 NEIGHBOURS = 8
 SHUFFLES = 199
 SUSPICIOUS = 1e-4  # probability of so large a misfit, once corrected for the number of boards
+
+
+class Residuals(Protocol):
+    """Residuals (n, 2) px and inlier masks (n,) beside the corners of each view that was used, and their noise."""
+
+    @property
+    def residuals(self) -> Mapping[str, Floats]:
+        """By view name, px."""
+        ...
+
+    @property
+    def inliers(self) -> Mapping[str, Bools]:
+        """By view name: which corners to look at."""
+        ...
+
+    @property
+    def noise_px(self) -> float:
+        """Standard deviation of a corner of weight one, px per axis."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +57,7 @@ class Structure:
     p_value: float
 
 
-def residual_structure(result: JointResult, corners: CornerSet, *, seed: int = 0) -> Structure:
+def residual_structure(result: Residuals, corners: CornerSet, *, seed: int = 0) -> Structure:
     """Moran's I of the whitened inlier residuals over the nearest corners of *other* boards (Moran 1950).
 
     What a camera model lacks shows where several boards agree, and a board's own error (its pose, its bow) does not:
@@ -63,7 +82,7 @@ def residual_structure(result: JointResult, corners: CornerSet, *, seed: int = 0
     return Structure(observed, float(norm.sf(observed / null.std())))
 
 
-def _inliers(result: JointResult, corners: CornerSet) -> tuple[Floats, Floats, Ints]:
+def _inliers(result: Residuals, corners: CornerSet) -> tuple[Floats, Floats, Ints]:
     """Places (n, 2) px, residuals in standard deviations (n, 2), and the board's index (n,)."""
     used = [view for view in corners.views if view.name in result.residuals]
     uv, whitened, board = [], [], []
@@ -92,7 +111,7 @@ class BoardSuspicion:
     p_value: float
 
 
-def suspicious_boards(result: JointResult, corners: CornerSet) -> list[BoardSuspicion]:
+def suspicious_boards(result: Residuals, corners: CornerSet) -> list[BoardSuspicion]:
     """Used boards whose residuals are too large for the noise, worst first.
 
     By the χ² of their inliers with six degrees of freedom taken by the pose, corrected for the number of boards

@@ -76,6 +76,11 @@ class JointMap:
         half = self.features(uv) @ self.root
         return half @ half.transpose(0, 2, 1)
 
+    def virtual_covariance(self, uv: Floats) -> Floats:
+        """Covariance (n, 2, 2) of virtual points, squares²: what the reference board's pose and K share cancels."""
+        half = self.virtual_features(uv) @ self.root
+        return np.asarray(half @ half.transpose(0, 2, 1))
+
     def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
         """uv (n, 2) of ``q``, on the trend's own branch; nan where it has none. ``reach`` is not needed."""
         chart = self.trend.chart

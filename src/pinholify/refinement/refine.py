@@ -38,6 +38,7 @@ from pinholify.refinement.trends import Search, searches_named
 
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
+COVERED = 0.999  # of the corners: one that was found far off does not count
 MANY = 0.005  # of the corners, found wrong only by the full solve, that call for a second choice of the trend
 
 Progress = Callable[[str], None]
@@ -66,7 +67,14 @@ def refine(
     _check(reference, views, unusable)
     frame = image_frame(corner_set.image_size, mirrored)
     everything = observations(views, corner_set.board, frame)
-    setting = Setting(density, scales, board_shape(corner_set.board), frame.half_size, SHORTEST * _spacing(everything))
+    setting = Setting(
+        density,
+        scales,
+        board_shape(corner_set.board),
+        frame.half_size,
+        np.quantile(np.abs(everything.image), COVERED, axis=0),
+        SHORTEST * _spacing(everything),
+    )
     first = first_solution(setting, everything)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
     seen, known = screen(setting, first, everything)

@@ -149,7 +149,7 @@ class Trend(Protocol):
         ...
 
     def folds(self, beta: Floats, half_size: Floats) -> bool:
-        """Whether the trend is not one to one on the image of ``half_size`` (2,)."""
+        """Whether the trend is not one to one on the rectangle of ``half_size`` (2,) about the image's middle."""
         ...
 
 

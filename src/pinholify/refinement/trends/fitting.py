@@ -10,6 +10,7 @@ from pinholify.charts import angles_to_directions, directions_to_angles
 from pinholify.refinement.trends.base import Trend
 
 STEPS = 25
+ENOUGH = 1000  # rays that tell a start as well as many more
 ROUGH_NOISE = 1e-3  # normalised image units: what the priors are weighed against
 
 
@@ -23,7 +24,8 @@ def fit_trend(trend: Trend, w: Floats, xyz: Floats) -> Floats | None:
     reached = np.isfinite(c).all(axis=1)
     if 2 * reached.sum() < len(c):
         return None
-    c, w = c[reached], w[reached]
+    some = np.flatnonzero(reached)[:: max(1, int(reached.sum()) // ENOUGH)]
+    c, w = c[some], w[some]
     beta, precision, damping = trend.start(w, c), (ROUGH_NOISE / trend.prior_std) ** 2, 1e-4
     at, value = _objective(trend, beta, w, c, precision)
     if not np.isfinite(value):

@@ -17,7 +17,6 @@ DEGREES = (3, 5, 7)
 LINEAR_STD = 10.0
 HIGHER_STD = 1.0
 NEWTON_STEPS = 20
-MARGIN = 1.1
 GRID = 25
 
 
@@ -111,7 +110,7 @@ class PolynomialTrend:
 
     def folds(self, beta: Floats, half_size: Floats) -> bool:
         """Whether the determinant of ∂c/∂w changes sign within the image."""
-        u, v = (MARGIN * h * np.linspace(-1.0, 1.0, GRID) for h in half_size)
+        u, v = (h * np.linspace(-1.0, 1.0, GRID) for h in half_size)
         slope = self._slope(beta, np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
         return bool((np.linalg.det(slope) <= 0).any())
 

@@ -38,7 +38,6 @@ POLE = (np.pi / 2) ** 2
 TABLE = np.linspace(0.0, 4.0, 401)  # radii of the table from which the radial inverse starts
 NEWTON_STEPS = 3
 HIGHEST, HIGHEST_TANGENT = 6, 1  # radial coefficients
-MARGIN = 1.1  # of the image, in which a trend may not fold
 
 
 def tangent_law(kappa: float, r2: Floats) -> tuple[Floats, Floats]:
@@ -283,7 +282,7 @@ class LensTrend:
         p = self.parts(beta)
         if p.scale <= 0 or np.linalg.det(p.shape) <= 0:
             return True
-        corners = MARGIN * half_size * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) - p.centre
+        corners = half_size * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) - p.centre
         limit = p.radial.monotone_until()
         if not self.distorting:
             return bool(np.sqrt(corners**2 @ p.radial.axes).max() >= limit)
