@@ -97,9 +97,9 @@ def test_radial_inverse_ends_where_the_radius_turns_back() -> None:
 
 def test_a_trend_that_folds_in_the_image_is_refused() -> None:
     trend = LensTrend(Plane(), False, 1, anisotropic=False, tilted=False, elliptic=False, tangent=False)
-    assert trend.folds(np.array([1.0, 0.0, 0.0, -0.4]), HALF)
-    assert not trend.folds(np.array([1.0, 0.0, 0.0, -0.2]), HALF)
-    assert trend.folds(np.array([-1.0, 0.0, 0.0, 0.0]), HALF)
+    assert trend.folds(np.array([1.0, 0.0, 0.0, -0.4]), HALF[None])
+    assert not trend.folds(np.array([1.0, 0.0, 0.0, -0.2]), HALF[None])
+    assert trend.folds(np.array([-1.0, 0.0, 0.0, 0.0]), HALF[None])
 
 
 def test_fit_trend_finds_the_parameters() -> None:

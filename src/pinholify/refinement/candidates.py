@@ -35,6 +35,7 @@ from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
 SCREENING_LENGTH_SCALE = 0.2  # the shortest that screening resolves, in half diagonals of the image
 FIRST_LENGTH_SCALE = 0.4
+GRID = 15
 FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
 ENDS_COST = 100.0  # nats
 WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
@@ -47,8 +48,8 @@ CONTENDERS, WINDOW = 6, 40.0  # how many of the best get a closer look, and how 
 class Setting:
     """What all candidates share: the ``density`` of the kernel with its number of ``scales``, the ``shape``,
 
-    ``half_size`` (2,) of the image, ``covered`` (2,) the farthest that corners were seen from its middle, ``shortest``
-    of the length scale's prior.
+    ``half_size`` (2,) of the image, ``covered`` (n, 2) points of it all over the part that corners cover,
+    ``shortest`` of the length scale's prior.
     """
 
     density: LogDensity
@@ -57,6 +58,12 @@ class Setting:
     half_size: Floats
     covered: Floats
     shortest: float
+
+    @property
+    def image(self) -> Floats:
+        """Points (n, 2) all over the image, and a little beyond."""
+        u, v = (FOLD_MARGIN * half * np.linspace(-1.0, 1.0, GRID) for half in self.half_size)
+        return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
     def model(self, trend: Trend, basis: SineBasis | None = None) -> Model:
         """The joint model with ``trend``; without a process unless ``basis`` is given."""
@@ -169,7 +176,7 @@ def _candidate(setting: Setting, trend: Trend, solution: Solution, problem: Line
     if trend.folds(beta, setting.covered):
         return None
     return Candidate(
-        trend, best, fit.log_evidence, problem, solution, trend.folds(beta, FOLD_MARGIN * setting.half_size)
+        trend, best, fit.log_evidence, problem, solution, trend.folds(beta, setting.image)
     )
 
 

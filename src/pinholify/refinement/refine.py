@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from pinholify.arrays import Floats
 from pinholify.board import lattice
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
@@ -38,7 +39,7 @@ from pinholify.refinement.trends import Search, searches_named
 
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
-COVERED = 0.999  # of the corners: one that was found far off does not count
+COVERED = 0.995  # of the corners: some that were found far off do not count
 MANY = 0.005  # of the corners, found wrong only by the full solve, that call for a second choice of the trend
 
 Progress = Callable[[str], None]
@@ -72,7 +73,7 @@ def refine(
         scales,
         board_shape(corner_set.board),
         frame.half_size,
-        np.quantile(np.abs(everything.image), COVERED, axis=0),
+        _covered(everything),
         SHORTEST * _spacing(everything),
     )
     first = first_solution(setting, everything)
@@ -127,6 +128,12 @@ def _spacing(seen: Observations) -> float:
     """Typical distance between neighbouring corners of one board, normalised."""
     nearest = [cKDTree(seen.image[rows]).query(seen.image[rows], k=2)[0][:, 1] for rows in seen.slices()]
     return float(np.median(np.concatenate(nearest)))
+
+
+def _covered(seen: Observations) -> Floats:
+    """Corners, those farthest from the image's middle left out: they may be wrong."""
+    radius = np.linalg.norm(seen.image, axis=1)
+    return np.asarray(seen.image[radius <= np.quantile(radius, COVERED)])
 
 
 def _per_px(log_evidence: float, seen: Observations, frame: ImageFrame) -> float:

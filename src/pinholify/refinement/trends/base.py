@@ -148,8 +148,8 @@ class Trend(Protocol):
         """∂w/∂c (n, 2, 2) and ∂w/∂β at fixed c (n, 2, p), for pairs that belong together."""
         ...
 
-    def folds(self, beta: Floats, half_size: Floats) -> bool:
-        """Whether the trend is not one to one on the rectangle of ``half_size`` (2,) about the image's middle."""
+    def folds(self, beta: Floats, points: Floats) -> bool:
+        """Whether the trend is not one to one on an area of the image that holds ``points`` (n, 2)."""
         ...
 
 

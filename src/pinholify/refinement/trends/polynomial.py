@@ -17,7 +17,6 @@ DEGREES = (3, 5, 7)
 LINEAR_STD = 10.0
 HIGHER_STD = 1.0
 NEWTON_STEPS = 20
-GRID = 25
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,11 +107,9 @@ class PolynomialTrend:
         by_ray = inverse_2x2(self._slope(beta, w))
         return by_ray, -by_ray @ np.stack(self._columns(w), axis=1)
 
-    def folds(self, beta: Floats, half_size: Floats) -> bool:
-        """Whether the determinant of ∂c/∂w changes sign within the image."""
-        u, v = (h * np.linspace(-1.0, 1.0, GRID) for h in half_size)
-        slope = self._slope(beta, np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
-        return bool((np.linalg.det(slope) <= 0).any())
+    def folds(self, beta: Floats, points: Floats) -> bool:
+        """Whether the determinant of ∂c/∂w is negative at any of ``points``."""
+        return bool((np.linalg.det(self._slope(beta, points)) <= 0).any())
 
     def _columns(self, w: Floats) -> tuple[Floats, Floats]:
         """∂c/∂β of the first and the second angle, (n, p) each."""

@@ -277,16 +277,14 @@ class LensTrend:
         columns = np.concatenate([by_matrix, by_centre, -by_ray, by_shape], axis=2)
         return by_ray, columns[:, :, self._free]
 
-    def folds(self, beta: Floats, half_size: Floats) -> bool:
-        """Whether the radial part turns back, or the rays end, inside the image."""
+    def folds(self, beta: Floats, points: Floats) -> bool:
+        """Whether the radial part turns back, or the rays end, nearer to the centre than the farthest of ``points``."""
         p = self.parts(beta)
         if p.scale <= 0 or np.linalg.det(p.shape) <= 0:
             return True
-        corners = half_size * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) - p.centre
         limit = p.radial.monotone_until()
-        if not self.distorting:
-            return bool(np.sqrt(corners**2 @ p.radial.axes).max() >= limit)
-        return bool(np.sqrt(corners**2 @ p.radial.axes).max() >= limit * p.radial.gain(np.array(limit**2)))
+        reach = limit * p.radial.gain(np.array(limit**2)) if self.distorting else limit
+        return bool(np.sqrt((points - p.centre) ** 2 @ p.radial.axes).max() >= reach)
 
 
 def lens_searches(chart: RayChart, distorting: bool, order: int | None) -> list[Search]:
