@@ -3,6 +3,8 @@
 import builtins
 import importlib.util
 
+import pytest
+
 from pinholify.cli import main
 
 
@@ -19,6 +21,7 @@ def test_without_matplotlib_one_sentence_says_what_to_install(tmp_path, capsys, 
     find_spec = importlib.util.find_spec
     hidden = {"matplotlib": lambda *_: None}
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: hidden.get(name, find_spec)(name, *a))
+    monkeypatch.setattr("pinholify.reproduction.run.make_folder", lambda _: pytest.fail("work before the check"))
     code, out, err = status(capsys, "-o", tmp_path / "new")
     assert (code, out) == (1, "")
     assert err.count("\n") == 1

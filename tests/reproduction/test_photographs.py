@@ -23,7 +23,21 @@ def test_an_interrupted_rendering_leaves_no_record(tmp_path):
     assert not rendered_before(SMALL, files)
     render_photographs(SMALL, files, lambda: None)
     assert rendered_before(SMALL, files)
-    (files[0].parent / RECORD).write_text("[]")
+    with pytest.raises(KeyboardInterrupt):  # another recipe's photographs in part
+        render_photographs(replace(SMALL, seed=5), files, interrupt)
+    assert not rendered_before(SMALL, files)
+
+
+def test_photographs_that_are_gone_or_unrecorded_are_rendered_anew(tmp_path):
+    files = photograph_files(SMALL, 1, tmp_path)
+    render_photographs(SMALL, files, lambda: None)
+    record = files[0].parent / RECORD
+    kept = record.read_text()
+    record.write_text("[]")
+    assert not rendered_before(SMALL, files)
+    record.write_text(kept)
+    assert rendered_before(SMALL, files)
+    files[0].unlink()
     assert not rendered_before(SMALL, files)
 
 
