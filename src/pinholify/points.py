@@ -1,0 +1,177 @@
+"""Points through a calibrated camera, in the argument order and shapes of OpenCV's functions of the same names.
+
+``camera`` stands where OpenCV has ``cameraMatrix, distCoeffs``. Points may be (N, 2), (N, 1, 2) or (1, N, 2), and of
+any number type; answers keep the shape and are float64. Pixels have (0, 0) at the centre of the top-left pixel. The
+camera's frame is the reference board's; ``R`` (3, 3), a rotation from it such as ``View.rotation``, chooses another
+everywhere. What does not exist (a pixel that sees no point, a point behind a plane) is nan. The answers are exact: of
+the same map that straightens images, without tables.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from pinholify.arrays import Floats
+from pinholify.calibration.observation import sighting_of
+from pinholify.calibration.poses import refine_pose
+from pinholify.camera import VirtualCamera
+from pinholify.errors import InputError
+from pinholify.geometry import Pose, homogeneous
+
+FEWEST_POINTS = 4
+WIDEST = np.cos(np.deg2rad(80.0))  # from the mean ray; beyond, a plane across it is no place for a first guess
+
+
+def undistort_points(
+    src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None
+) -> Floats:
+    """Ideal pinhole points of the image's pixels ``src`` (…, 2), as ``cv2.undistortPoints``.
+
+    They are normalised, (x/z, y/z), or px of the view whose matrix ``P``, (3, 3) or (3, 4), is given. nan at 90° from
+    the axis of R and beyond.
+    """
+    rays = pixel_rays(src, camera, R)
+    with np.errstate(invalid="ignore"):
+        z = np.where(rays[..., 2:] > 0, rays[..., 2:], np.nan)
+    plane = np.concatenate([rays[..., :2] / z, np.ones_like(z)], axis=-1) @ _matrix(P).T
+    return np.asarray(plane[..., :2] / plane[..., 2:])
+
+
+def distort_points(
+    undistorted: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None
+) -> Floats:
+    """Pixels of the image that show ideal pinhole points: the inverse of :func:`undistort_points`.
+
+    ``undistorted`` (…, 2) are normalised, or px where ``P`` is given, as there.
+    """
+    given, plane = _rows(undistorted, 2)
+    directions = homogeneous(plane) @ np.linalg.inv(_matrix(P)).T
+    return _shaped(_project(camera, directions @ _rotation(R)), given, 2)
+
+
+def pixel_rays(src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None) -> Floats:
+    """Unit directions (…, 3) in which the pixels ``src`` (…, 2) look."""
+    given, uv = _rows(src, 2)
+    directions = np.full((len(uv), 3), np.nan)
+    known = np.isfinite(uv).all(axis=1)
+    if known.any():
+        directions[known] = camera.chart.directions(camera.plane_map.value(uv[known]))
+    return _shaped(directions @ _rotation(R).T, given, 3)
+
+
+def project_points(
+    objectPoints: ArrayLike, rvec: ArrayLike, tvec: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None
+) -> tuple[Floats, Floats]:
+    """Pixels (…, 2) of ``objectPoints`` (…, 3) at the pose ``rvec`` (3,), ``tvec`` (3,), as ``cv2.projectPoints``.
+
+    The second answer is their derivative (2N, 6) by rvec and tvec, rows u and v in turn; OpenCV's further columns, by
+    the numbers of its lens formula, have no counterpart. ``tvec`` is in the unit of the points.
+    """
+    given, points = _rows(objectPoints, 3)
+    vector, turn = np.ravel(np.asarray(rvec, dtype=np.float64)), _rotation(R)
+    turned = points @ (turn.T @ Rotation.from_rotvec(vector).as_matrix()).T
+    xyz = turned + turn.T @ np.ravel(np.asarray(tvec, dtype=np.float64))
+    uv = _project(camera, xyz)
+    by_point = _projection_jacobian(camera, uv, xyz)
+    by_turn = np.cross(turned[:, None, :], by_point) @ turn.T @ _left_jacobian(vector)
+    jacobian = np.concatenate([by_turn, by_point @ turn.T], axis=2)
+    return _shaped(uv, given, 2), jacobian.reshape(-1, 6)
+
+
+def solve_pnp(
+    objectPoints: ArrayLike, imagePoints: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None
+) -> tuple[bool, Floats, Floats]:
+    """The pose of ``objectPoints`` (…, 3) seen at the pixels ``imagePoints`` (…, 2), as ``cv2.solvePnP``.
+
+    Returns True, rvec (3, 1) and tvec (3, 1) in the unit of the points: of least squared px residuals, on a plane or
+    not, and however wide the lens. Raises InputError for fewer than four points, for as many pixels as there are not
+    points, and where the points determine no pose.
+    """
+    points, uv = _rows(objectPoints, 3)[1], _rows(imagePoints, 2)[1]
+    if len(points) != len(uv):
+        raise InputError(f"{len(points)} points and {len(uv)} pixels were given; each point needs its pixel")
+    known = np.isfinite(points).all(axis=1) & np.isfinite(uv).all(axis=1)
+    if known.sum() < FEWEST_POINTS:
+        raise InputError(f"{known.sum()} points were given where a pose needs {FEWEST_POINTS}; give more")
+    seen = sighting_of(camera, points[known], uv[known])
+    start = _first_pose(points[known], camera.chart.directions(seen.coordinates))
+    pose, _ = refine_pose(seen, start, camera.chart)
+    turn = _rotation(R)
+    rvec = Rotation.from_matrix(turn @ pose.rotation).as_rotvec()
+    return True, rvec.reshape(3, 1), (turn @ pose.translation).reshape(3, 1)
+
+
+def _first_pose(points: Floats, directions: Floats) -> Pose:
+    """A pose by SQPnP (Terzakis & Lourakis, 2020) in a plane across the mean ray, the points scaled to size one."""
+    import cv2
+
+    middle = points.mean(axis=0)
+    scale = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
+    if np.linalg.matrix_rank(points - middle, tol=1e-9 * scale) < 2:
+        raise InputError("the points lie on one line, which determines no pose; give points that span a plane")
+    turn = Rotation.align_vectors([[0.0, 0.0, 1.0]], [directions.mean(axis=0)])[0].as_matrix()
+    local = directions @ turn.T
+    usable = local[:, 2] > WIDEST
+    if usable.sum() < FEWEST_POINTS:
+        raise InputError("the pixels look in all directions at once, where no first pose is found; give fewer")
+    plane, normalised = local[usable, :2] / local[usable, 2:], (points[usable] - middle) / scale
+    try:
+        _, rvec, tvec = cv2.solvePnP(normalised, plane, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+    except cv2.error:
+        raise InputError("the points determine no pose; give more of them, farther apart") from None
+    rotation = turn.T @ Rotation.from_rotvec(rvec[:, 0]).as_matrix()
+    return Pose(rotation, scale * (turn.T @ tvec[:, 0]) - rotation @ middle)
+
+
+# --- parts -------------------------------------------------------------------------------------------------------
+
+
+def _rows(values: ArrayLike, dimensions: int) -> tuple[tuple[int, ...], Floats]:
+    """The shape without its last axis, and the points as rows (N, dimensions)."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim < 1 or array.shape[-1] != dimensions:
+        raise ValueError(f"points of shape {array.shape} were given where (N, {dimensions}) is needed")
+    return array.shape[:-1], array.reshape(-1, dimensions)
+
+
+def _shaped(rows: Floats, given: tuple[int, ...], dimensions: int) -> Floats:
+    return rows.reshape(*given, dimensions)
+
+
+def _rotation(R: ArrayLike | None) -> Floats:
+    return np.eye(3) if R is None else np.asarray(R, dtype=np.float64)
+
+
+def _matrix(P: ArrayLike | None) -> Floats:
+    return np.eye(3) if P is None else np.asarray(P, dtype=np.float64)[:, :3]
+
+
+def _project(camera: VirtualCamera, xyz: Floats) -> Floats:
+    return camera.project(xyz) if len(xyz) else np.empty((0, 2))
+
+
+def _projection_jacobian(camera: VirtualCamera, uv: Floats, xyz: Floats) -> Floats:
+    """∂uv/∂xyz (n, 2, 3) at points that are seen at ``uv``; nan where they are not."""
+    jacobian = np.full((len(uv), 2, 3), np.nan)
+    known = np.isfinite(uv).all(axis=1)
+    if known.any():
+        by_pixel = camera.plane_map.jacobian(uv[known])
+        jacobian[known] = np.linalg.solve(by_pixel, camera.chart.coordinate_jacobian(xyz[known]))
+    return jacobian
+
+
+def _left_jacobian(vector: Floats) -> Floats:
+    """How a turn follows a change of its rotation vector (3,): exp(v + dv) = exp(J dv) exp(v), to first order.
+
+    J = 1 + (1 − cos θ)/θ² [v]× + (θ − sin θ)/θ³ [v]×², θ = |v| (Chirikjian, *Stochastic Models*, vol. 2, 10.6).
+    """
+    theta = float(np.linalg.norm(vector))
+    cross: Any = np.cross(np.eye(3), vector)
+    if theta < 1e-4:
+        return np.asarray(np.eye(3) + cross / 2.0 + cross @ cross / 6.0)
+    first = (1.0 - np.cos(theta)) / theta**2
+    return np.asarray(np.eye(3) + first * cross + (theta - np.sin(theta)) / theta**3 * cross @ cross)

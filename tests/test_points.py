@@ -1,0 +1,196 @@
+"""Points in OpenCV's way: against OpenCV itself on its own lens, and there and back."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pinholify.camera import Domain, VirtualCamera
+from pinholify.charts import AngleChart, Intrinsics, PlaneChart
+from pinholify.errors import InputError
+from pinholify.geometry import Pose, convex_hull
+from pinholify.points import distort_points, pixel_rays, project_points, solve_pnp, undistort_points
+
+SIZE = (640, 480)
+K = np.array([[420.0, 0.0, 325.0], [0.0, 420.0, 236.0], [0.0, 0.0, 1.0]])
+DISTORTION = np.array([-0.18, 0.03, 0.0, 0.0])
+TURN = Rotation.from_rotvec([0.1, -0.15, 0.05]).as_matrix()
+FOCAL = 9.0  # squares
+FRAME = np.array([[0.0, 0.0], [639, 0], [639, 479], [0, 479]])
+CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-14)
+
+
+class OpenCVMap:
+    """OpenCV's lens as the map of a virtual camera, in the place of a learnt one: what it says is the truth."""
+
+    def value(self, uv):
+        return FOCAL * cv2.undistortPoints(uv, K, DISTORTION, criteria=CRITERIA)[:, 0]
+
+    def jacobian(self, uv):
+        return np.linalg.inv(self._projected(self.value(uv))[1][:, 3:5].reshape(-1, 2, 2) / FOCAL)
+
+    def inverse(self, q, start, reach):
+        return self._projected(q)[0][:, 0]
+
+    def _projected(self, q):
+        xyz = np.column_stack([q / FOCAL, np.ones(len(q))])
+        return cv2.projectPoints(xyz, np.zeros(3), np.zeros(3), K, DISTORTION)
+
+
+class AngleMap:
+    """An ideal equidistant fisheye of ``scale`` px per radian."""
+
+    def __init__(self, scale):
+        self.scale = scale
+
+    def value(self, uv):
+        return (uv - K[:2, 2]) / self.scale
+
+    def jacobian(self, uv):
+        return np.broadcast_to(np.eye(2) / self.scale, (len(uv), 2, 2))
+
+    def inverse(self, q, start, reach):
+        return q * self.scale + K[:2, 2]
+
+
+@pytest.fixture(scope="module")
+def camera():
+    intrinsics = Intrinsics(FOCAL, 0.0, 0.0)
+    return VirtualCamera(OpenCVMap(), PlaneChart(intrinsics), intrinsics, Domain(convex_hull(FRAME)), SIZE, 0.1)
+
+
+def pixels(count=300):
+    return np.random.default_rng(0).uniform([60, 40], [580, 440], (count, 2))
+
+
+@pytest.mark.parametrize(("r", "p"), [(None, None), (TURN, None), (None, 2 * K), (TURN, np.column_stack([K, K[:, 0]]))])
+def test_undistorting_is_opencvs(camera, r, p):
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+    truth = cv2.undistortPoints(pixels(), K, DISTORTION, R=r, P=p, criteria=criteria)[:, 0]
+    answer = undistort_points(pixels(), camera, r, p)
+    np.testing.assert_allclose(answer, truth, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("r", "p"), [(None, None), (TURN, 2 * K)])
+def test_there_and_back(camera, r, p):
+    back = distort_points(undistort_points(pixels(), camera, r, p), camera, r, p)
+    np.testing.assert_allclose(back, pixels(), atol=1e-7)
+
+
+def test_rays_are_unit_and_turn_with_the_frame(camera):
+    rays = pixel_rays(pixels(), camera)
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=1), 1.0)
+    np.testing.assert_allclose(pixel_rays(pixels(), camera, TURN), rays @ TURN.T)
+    np.testing.assert_allclose(rays[:, :2] / rays[:, 2:], undistort_points(pixels(), camera))
+
+
+@pytest.mark.parametrize("shape", [(7, 2), (7, 1, 2), (1, 7, 2), (0, 2), (2,)])
+def test_shapes_are_kept(camera, shape):
+    uv = np.full(shape, 300.0, dtype=np.float32)
+    assert undistort_points(uv, camera).shape == shape
+    assert distort_points(np.zeros(shape), camera).shape == shape
+    assert pixel_rays(uv, camera).shape == (*shape[:-1], 3)
+    image, jacobian = project_points(np.ones((*shape[:-1], 3)), np.zeros(3), np.array([0.0, 0, 9]), camera)
+    assert image.shape == shape
+    assert jacobian.shape == (uv.size, 6)
+
+
+def test_points_of_other_dimensions_are_a_mistake(camera):
+    with pytest.raises(ValueError, match=r"shape \(3, 3\) were given where \(N, 2\) is needed"):
+        undistort_points(np.eye(3), camera)
+
+
+def test_what_does_not_exist_is_nan(camera):
+    assert np.isnan(undistort_points([[np.nan, 3.0], [300.0, 200.0]], camera)).tolist() == [[True] * 2, [False] * 2]
+    behind = Rotation.from_rotvec([0.0, np.pi, 0.0]).as_matrix()
+    assert np.isnan(undistort_points([[300.0, 200.0]], camera, behind)).all()
+    image, jacobian = project_points([[0.0, 0.0, -30.0], [0.0, 0.0, 0.0]], np.zeros(3), np.array([0, 0, 9.0]), camera)
+    assert np.isnan(image).all(axis=1).tolist() == [True, False]
+    assert np.isnan(jacobian).all(axis=1).tolist() == [True, True, False, False]
+
+
+RVEC, TVEC = np.array([0.3, -0.4, 0.2]), np.array([0.5, -0.3, 12.0])
+
+
+def solid_points():
+    return np.random.default_rng(2).uniform([-4, -3, -2], [4, 3, 2], (40, 3))
+
+
+def test_projecting_is_opencvs(camera):
+    points = solid_points()
+    truth, truth_jacobian = cv2.projectPoints(points, RVEC, TVEC, K, DISTORTION)
+    image, jacobian = project_points(points, RVEC, TVEC, camera)
+    np.testing.assert_allclose(image, truth[:, 0], atol=1e-9)
+    np.testing.assert_allclose(jacobian, truth_jacobian[:, :6], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rvec", "r"), [(RVEC, TURN), (np.array([1e-5, 2e-5, -1e-5]), None), (np.array([1.5, -2.0, 1.0]), None)]
+)
+def test_the_derivative_is_that_of_the_projection(camera, rvec, r):
+    points = 0.5 * solid_points()
+    jacobian, step = project_points(points, rvec, TVEC, camera, r)[1], 1e-4
+    for column in range(6):
+        move = step * np.eye(6)[column]
+        ends = [project_points(points, rvec + s * move[:3], TVEC + s * move[3:], camera, r)[0] for s in (1, -1)]
+        numeric = (ends[0] - ends[1]).ravel() / (2 * step)
+        np.testing.assert_allclose(jacobian[:, column], numeric, atol=1e-6 * np.abs(jacobian).max())
+
+
+@pytest.mark.parametrize("flat", [True, False])
+@pytest.mark.parametrize("r", [None, TURN])
+def test_poses_come_back(camera, flat, r):
+    points = solid_points() * [1.0, 1.0, 0.0 if flat else 1.0]
+    image = project_points(points, RVEC, TVEC, camera, r)[0]
+    found, rvec, tvec = solve_pnp(points, image[:, None], camera, r)
+    assert found
+    assert rvec.shape == tvec.shape == (3, 1)
+    np.testing.assert_allclose(rvec[:, 0], RVEC, atol=1e-7)
+    np.testing.assert_allclose(tvec[:, 0], TVEC, atol=1e-6)
+
+
+def test_a_noisy_pose_is_of_least_squares(camera):
+    points = solid_points()
+    seen = project_points(points, RVEC, TVEC, camera)[0] + np.random.default_rng(3).normal(0, 0.3, (40, 2))
+    _, rvec, tvec = solve_pnp(points, seen, camera)
+    image, jacobian = project_points(points, rvec, tvec, camera)
+    gradient = jacobian.T @ (image - seen).ravel()
+    assert np.linalg.norm(np.linalg.solve(jacobian.T @ jacobian, gradient)) < 1e-3
+    truth = cv2.solvePnP(points, seen, K, DISTORTION)
+    np.testing.assert_allclose(np.concatenate([rvec, tvec]), np.concatenate(truth[1:]), atol=1e-4)
+
+
+def test_too_few_points_are_refused(camera):
+    with pytest.raises(InputError, match="3 points were given where a pose needs 4"):
+        solve_pnp(np.eye(3), pixels(3), camera)
+    with pytest.raises(InputError, match="5 points and 4 pixels"):
+        solve_pnp(np.ones((5, 3)), pixels(4), camera)
+
+
+@pytest.mark.parametrize("points", [np.outer(np.linspace(-3, 3, 9), [1.0, 2.0, 0.5]), np.ones((9, 3))])
+def test_points_on_a_line_are_refused(camera, points):
+    with pytest.raises(InputError, match="lie on one line"):
+        solve_pnp(points, pixels(9), camera)
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1e3])
+def test_the_unit_of_length_is_free(camera, unit):
+    square = np.array([[0.0, 0, 0], [3, 0, 0], [3, 2, 0], [0, 2, 0]])
+    image = project_points(square, RVEC, TVEC, camera)[0]
+    _, rvec, tvec = solve_pnp(unit * square, image, camera)
+    np.testing.assert_allclose(rvec[:, 0], RVEC, atol=1e-6)
+    np.testing.assert_allclose(tvec[:, 0], unit * TVEC, rtol=1e-6)
+
+
+def test_points_all_around_a_wide_lens_give_a_pose():
+    """Rays up to 110° from the axis, in a chart that reaches them."""
+    rng, square, pose = np.random.default_rng(5), 300.0, Pose(Rotation.from_rotvec(RVEC).as_matrix(), 0.3 * TVEC)
+    wide = VirtualCamera(
+        AngleMap(square), AngleChart(np.eye(3)), Intrinsics(1.0, 0.0, 0.0), Domain(convex_hull(FRAME)), SIZE, 0.1
+    )
+    points = (wide.chart.directions(rng.uniform(-1.3, 1.3, (60, 2))) * 8.0 - pose.translation) @ pose.rotation
+    _, rvec, tvec = solve_pnp(points, project_points(points, RVEC, 0.3 * TVEC, wide)[0], wide)
+    np.testing.assert_allclose(rvec[:, 0], RVEC, atol=1e-7)
+    np.testing.assert_allclose(tvec[:, 0], 0.3 * TVEC, atol=1e-6)
