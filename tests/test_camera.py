@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from conftest import CENTRE, FOCAL, TRUE_F, corner_set, project
 from pinholify.pipeline import calibrate
+from synthetic import CENTRE, FOCAL, TRUE_F, corner_set, project
 
 SQUEEZE = 0.15
 

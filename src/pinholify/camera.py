@@ -78,8 +78,10 @@ class VirtualCamera:
     def to_virtual(self, uv: Floats) -> Mapped:
         """Virtual points of pixels ``uv`` (n, 2), in squares; nan for rays at 90° from the axis and beyond."""
         directions = self.chart.directions(self.plane_map.value(uv))
-        jacobian = self.virtual_jacobian(uv)
-        covariance = jacobian @ self.pixel_covariance(uv) @ jacobian.transpose(0, 2, 1)
+        covariance = self.plane_map.virtual_covariance(uv)
+        if covariance is None:
+            jacobian = self.virtual_jacobian(uv)
+            covariance = jacobian @ self.pixel_covariance(uv) @ jacobian.transpose(0, 2, 1)
         return Mapped(self.intrinsics.project(directions), np.asarray(covariance))
 
     def virtual_points(self, uv: Floats) -> Floats:

@@ -19,6 +19,7 @@ from pinholify.detection import detect_files
 from pinholify.errors import OutputError
 from pinholify.evaluation.measures import board_lines
 from pinholify.evaluation.summary import Evaluation, evaluate
+from pinholify.evaluation.verdict import Verdict, judge
 from pinholify.io.camera_file import write_camera
 from pinholify.io.corner_tables import write_corner_table
 from pinholify.io.files import writing_text
@@ -50,10 +51,11 @@ RED, GREEN = (60, 60, 230), (80, 190, 60)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Demo:
-    """What the demo made: its ``folder``, the ``evaluation`` and the largest error of f, uc, vc in squares."""
+    """What the demo made: ``folder``, ``evaluation``, ``verdict``, and the largest error of f, uc, vc in squares."""
 
     folder: Path
     evaluation: Evaluation
+    verdict: Verdict
     intrinsics_error: float
 
 
@@ -87,7 +89,7 @@ def run_demo(folder: Path, step: Callable[[str], object] = lambda _: None) -> De
     error = _intrinsics_error(calibration)
     with writing_text(folder / "numbers.json") as file:
         json.dump(_numbers(evaluation, error), file, indent=2)
-    return Demo(folder, evaluation, error)
+    return Demo(folder, evaluation, judge(evaluation, corners), error)
 
 
 def _make_folder(folder: Path) -> Path:

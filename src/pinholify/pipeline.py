@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from pinholify.board import lattice
-from pinholify.calibration.one_image import calibrate_one_image, reference_view
+from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_view
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
-from pinholify.errors import InputError
+from pinholify.errors import CalibrationError, InputError
 from pinholify.refinement import JointResult, refine
 
 METHODS = ("auto", "joint", "one-image")
@@ -47,7 +47,15 @@ def calibrate(
             corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
         )
     name = reference_view(corner_set, reference).name
-    result = refine(corner_set, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=progress)
+    try:
+        result = refine(corner_set, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=progress)
+    except np.linalg.LinAlgError:
+        calibrate_one_image(corner_set, reference=name, mirrored=mirrored)  # says it where boards all stand alike
+        raise CalibrationError(
+            f"the corners of the {len(corner_set.found)} boards fit no camera together: "
+            "look for wrongly numbered corners"
+        ) from None
+    check_determined(result.camera, corner_set, name)
     return _calibration(result, corner_set, name, square_mm)
 
 

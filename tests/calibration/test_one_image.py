@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from conftest import BOARD, TRUE_F, board_poses, corner_set
 from pinholify.calibration.observation import estimate_pose, observe, sighting_of
 from pinholify.calibration.one_image import calibrate_one_image
 from pinholify.corners import not_found
 from pinholify.errors import CalibrationError, DegenerateError, InputError
+from synthetic import BOARD, TRUE_F, board_poses, corner_set
 
 TRUTH = (TRUE_F, 7.0, 4.0)
 

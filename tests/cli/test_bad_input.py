@@ -134,12 +134,13 @@ def turned(reference: Pose, angles, shift) -> Pose:
 SHIFTS = [(0.3, 0.2, 2.5), (-0.4, 0.3, 3.5), (0.5, -0.4, 4), (-0.4, -0.2, 3), (0.1, 0.6, 4.5), (0.2, -0.1, 2.2)]
 
 
+@pytest.mark.parametrize("method", ["one-image", "joint", "auto"])
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("tilt", [0, 25], ids=["all parallel", "parallel in two groups"])
-def test_boards_that_stand_alike(refused, poses, tilt, noise):
+def test_boards_that_stand_alike(refused, poses, tilt, noise, method):
     others = [turned(poses[0], (4 * i, 0 if i % 2 else tilt, 0), shift) for i, shift in enumerate(SHIFTS)]
     write_corner_table("c.vnl", corner_set([poses[0], *others], noise=noise))
-    sentence = refused("calibrate", "--corners", "c.vnl", *CORNERS, "--method", "one-image", "-o", "c.npz")
+    sentence = refused("calibrate", "--corners", "c.vnl", *CORNERS, "--method", method, "-o", "c.npz")
     assert "do not determine f, uc and vc" in sentence
     assert "singular values" in sentence
     assert "tilted in at least two ways" in sentence

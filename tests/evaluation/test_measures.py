@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from conftest import corner_set
 from pinholify.board import Checkerboard, lattice
 from pinholify.evaluation.baseline import BoardPoints, fit_opencv
 from pinholify.evaluation.heldout import alternating_split, by_size
 from pinholify.evaluation.measures import board_lines, collinearity_errors, mean_spacing, pinhole_lines
 from pinholify.evaluation.summary import evaluate
 from pinholify.pipeline import calibrate
+from synthetic import corner_set
 
 LATTICE = lattice(Checkerboard(15, 9))
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from conftest import FOCAL, SIZE, TRUE_F, project
 from pinholify.errors import ImageError, InputError
 from pinholify.rectification.expansion import expand
 from pinholify.rectification.maps import rectification_map
 from pinholify.rectification.straightener import Straightener
 from pinholify.rectification.views import named_view
+from synthetic import FOCAL, SIZE, TRUE_F, project
 
 SQUEEZE = 0.15
 

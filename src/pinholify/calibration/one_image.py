@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
-from pinholify.calibration.observation import MappedBoard, map_boards
+from pinholify.calibration.observation import MappedBoard, map_boards, observe
 from pinholify.calibration.poses import Sighting, refine_intrinsics
 from pinholify.calibration.result import Calibration
 from pinholify.calibration.zhang import (
     TILT_MORE,
+    ClosedForm,
     jackknife_std,
     listed,
     pose_from_homography,
@@ -54,12 +57,7 @@ def calibrate_one_image(
     closed = simplified_zhang(homographies, plane)
     spread = jackknife_std(homographies, plane)
     std = honest_std(_noise_std(others, homographies, plane, fitted), spread)
-    if not std[0] < LARGEST_RELATIVE_STD * closed.intrinsics.f:
-        raise DegenerateError(
-            f"the {len(others)} boards beside the reference do not determine f, uc and vc (f = "
-            f"{closed.intrinsics.f:.3g} ± {std[0]:.2g} squares, singular values "
-            f"{listed(closed.singular_values)}): {TILT_MORE}"
-        )
+    _check_std(std, closed, len(others))
     camera = VirtualCamera(
         fitted.map,
         PlaneChart(closed.intrinsics),
@@ -162,14 +160,41 @@ def honest_std(by_noise: Floats, spread: Floats | None) -> Floats:
     return by_noise if spread is None else np.where(spread > DISAGREEMENT * by_noise, spread, by_noise)
 
 
-def _noise_std(boards: list[MappedBoard], homographies: Floats, plane: Floats, fitted: FittedMap) -> Floats:
+def check_determined(camera: VirtualCamera, corner_set: CornerSet, reference: str) -> None:
+    """Raise DegenerateError where the boards, as ``camera`` sees them, do not determine f, uc and vc.
+
+    For a camera that was found in another way than by :func:`calibrate_one_image`. A camera so wide that fewer than two
+    boards can be seen in one plane is let pass.
+    """
+    everywhere = replace(camera, domain=Domain(camera.domain.hull))
+    others = [b for b in observe(everywhere, corner_set)[0] if b.used and b.name != reference]
+    if len(others) < 2:
+        return
+    homographies, plane = np.stack([b.homography for b in others]), _plane_normalisation(others)
+    closed = simplified_zhang(homographies, plane)
+    _check_std(_noise_std(others, homographies, plane, None), closed, len(others))
+
+
+def _check_std(std: Floats, closed: ClosedForm, boards: int) -> None:
+    if not std[0] < LARGEST_RELATIVE_STD * closed.intrinsics.f:
+        raise DegenerateError(
+            f"the {boards} boards beside the reference do not determine f, uc and vc (f = "
+            f"{closed.intrinsics.f:.3g} ± {std[0]:.2g} squares, singular values "
+            f"{listed(closed.singular_values)}): {TILT_MORE}"
+        )
+
+
+def _noise_std(
+    boards: list[MappedBoard], homographies: Floats, plane: Floats, fitted: FittedMap | None
+) -> Floats:
     """Standard deviations of f, uc, vc: new noise is drawn on all corners and followed to first order.
 
-    The reference's corners get the noise that the fit of the map found, each other board's what its homography left,
-    which also holds what no map explains.
+    The reference's corners get the noise that the fit of the map found (none without a ``fitted`` map), each other
+    board's what its homography left, which also holds what no map explains.
     """
     rng = np.random.default_rng(0)
-    shifts = fitted.map.noise_response(np.concatenate([b.uv for b in boards]), DRAWS, rng)
+    uv = np.concatenate([b.uv for b in boards])
+    shifts = np.zeros((DRAWS, *uv.shape)) if fitted is None else fitted.map.noise_response(uv, DRAWS, rng)
     drawn = np.empty((DRAWS, *homographies.shape))
     ends = np.cumsum([len(b.uv) for b in boards])
     for i, (board, common) in enumerate(zip(boards, np.split(shifts, ends[:-1], axis=1), strict=True)):
@@ -181,4 +206,4 @@ def _noise_std(boards: list[MappedBoard], homographies: Floats, plane: Floats, f
     return np.full(3, np.inf) if valid.mean() < 0.9 else np.asarray(values[valid].std(axis=0, ddof=1))
 
 
-__all__ = ["calibrate_one_image", "check_handedness", "reference_view"]
+__all__ = ["calibrate_one_image", "check_determined", "check_handedness", "reference_view"]

@@ -21,6 +21,7 @@ COMMANDS = {
     "undistort": "Straighten photographs.",
     "export": "Write an ideal pinhole view as other programs' calibration files.",
     "evaluate": "Score a camera on photographs of a board.",
+    "compare": "How far two cameras differ, in px over the image.",
     "board": "Print a board, true to scale.",
     "simulate": "Render the paper's six data sets, with truth.",
     "reproduce": "Make the paper's tables and figures anew, beside its own numbers.",

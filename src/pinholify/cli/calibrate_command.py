@@ -53,6 +53,8 @@ FEWEST_BOARDS = 3  # the reference and two that stand otherwise
 )
 @click.option("--mirrored", is_flag=True, help="The camera looks into a mirror: the image is a reflection.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
+@click.option("--heldout/--no-heldout", default=True, show_default=True,
+              help="Calibrate again on half of the boards to score the others.")
 @json_option
 @force_option
 def command(
@@ -68,6 +70,7 @@ def command(
     trend: str,
     mirrored: bool,
     opencv: bool,
+    heldout: bool,
     as_json: bool,
     force: bool,
 ) -> None:
@@ -78,6 +81,7 @@ def command(
     """
     from pinholify.cli.report import print_evaluation, to_json
     from pinholify.evaluation.summary import evaluate
+    from pinholify.evaluation.verdict import judge
     from pinholify.io.camera_file import is_camera_file, write_camera
     from pinholify.pipeline import calibrate
 
@@ -89,13 +93,17 @@ def command(
         calibration = again(corner_set, reference=reference, square_mm=square_mm)
         again = partial(again, method=calibration.method)
         evaluation = evaluate(
-            calibration, corner_set, recalibrate=lambda part, name: again(part, reference=name), compare_opencv=opencv
+            calibration,
+            corner_set,
+            recalibrate=(lambda part, name: again(part, reference=name)) if heldout else None,
+            compare_opencv=opencv,
         )
     write_camera(output, calibration)
+    verdict = judge(evaluation, corner_set)
     if as_json:
-        print_json(to_json(evaluation))
+        print_json(to_json(evaluation, verdict))
     else:
-        print_evaluation(evaluation)
+        print_evaluation(evaluation, verdict)
         click.echo(f"wrote {output}")
 
 

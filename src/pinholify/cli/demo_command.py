@@ -26,6 +26,6 @@ def command(folder: Path, force: bool) -> None:
     if folder.is_dir() and any(folder.iterdir()) and not (folder / ABOUT).exists() and not force:
         raise OutputError(f"the folder '{folder}' holds other files; choose a new one with -o, or say --force")
     result = run_demo(folder, step=lambda text: say(f"{text} …"))
-    print_evaluation(result.evaluation)
+    print_evaluation(result.evaluation, result.verdict)
     click.echo(f"largest error of f, uc, vc against truth: {result.intrinsics_error:.4f} squares")
     click.echo(f"look at {folder / 'before-after.jpg'}, {folder / 'board.jpg'} and {folder / 'collinearity.jpg'}")

@@ -17,17 +17,19 @@ from pinholify.cli.sources import gather_corners, solving
 @click.option("--corners", "table", metavar="FILE", help="Take corners from a table (.vnl) instead of photographs.")
 @click.option("--folds", is_flag=True, help="Also the held-out error of five folds over boards.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
+@click.option("--strict", is_flag=True, help="Exit with 1 when the verdict is poor.")
 @json_option
 def command(
-    camera: Path, images: tuple[Path, ...], table: str | None, folds: bool, opencv: bool, as_json: bool
+    camera: Path, images: tuple[Path, ...], table: str | None, folds: bool, opencv: bool, strict: bool, as_json: bool
 ) -> None:
     """Score CAMERA on photographs of its board (IMAGES: files or folders) or on a corner table.
 
     The board, its handedness and the size of the images are the camera's.
     """
     from pinholify.cli.report import print_evaluation, to_json
-    from pinholify.errors import ImageError
+    from pinholify.errors import CalibrationError, ImageError
     from pinholify.evaluation.summary import evaluate
+    from pinholify.evaluation.verdict import judge
     from pinholify.io.camera_file import read_camera
     from pinholify.pipeline import calibrate
 
@@ -55,7 +57,10 @@ def command(
             compare_opencv=opencv,
             kfold=folds,
         )
+    verdict = judge(evaluation, corners)
     if as_json:
-        print_json(to_json(evaluation))
+        print_json(to_json(evaluation, verdict))
     else:
-        print_evaluation(evaluation)
+        print_evaluation(evaluation, verdict)
+    if strict and verdict.level == "poor":
+        raise CalibrationError(f"the camera is not good enough: {verdict.sentence}")

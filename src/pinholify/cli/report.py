@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from pinholify.calibration.result import Calibration
 from pinholify.evaluation.summary import Evaluation
+from pinholify.evaluation.verdict import Verdict
 
 ASIDE_SHOWN = 8
+WIDTH = 78
 
 
-def to_json(evaluation: Evaluation) -> dict[str, Any]:
+def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
     """The object that ``--json`` prints; its keys are fixed."""
     calibration = evaluation.calibration
     k, refined = calibration.camera.intrinsics, calibration.refined
@@ -64,11 +68,20 @@ def to_json(evaluation: Evaluation) -> dict[str, Any]:
             name: {"insample_px": s.insample_px, "re_percent": s.re_percent, "heldout_px": s.heldout_px}
             for name, s in evaluation.opencv.items()
         },
+        "verdict": {
+            "level": verdict.level,
+            "sentence": verdict.sentence,
+            "coverage": verdict.coverage,
+            "residual_correlation": verdict.structure.correlation,
+            "residual_structure_p_value": verdict.structure.p_value,
+            "suspicious_boards": {s.name: s.ratio for s in verdict.suspicious},
+            "next_board_px": None if verdict.next_board is None else verdict.next_board.outline.tolist(),
+        },
         "details": calibration.details,
     }
 
 
-def print_evaluation(evaluation: Evaluation) -> None:
+def print_evaluation(evaluation: Evaluation, verdict: Verdict) -> None:
     """The evaluation for people, on standard output; lines are never broken, and coloured only on a terminal."""
     console = Console(highlight=False, soft_wrap=True)
     calibration = evaluation.calibration
@@ -83,6 +96,7 @@ def print_evaluation(evaluation: Evaluation) -> None:
     console.print(_comparison(evaluation))
     if evaluation.heldout_px is None and evaluation.heldout_reason:
         console.print(f"  no held-out error: {escape(evaluation.heldout_reason)}")
+    console.print(f"[bold]{escape(textwrap.fill(verdict.sentence, WIDTH))}[/]")
     for line in _set_aside(evaluation):
         console.print(f"  [dim]{escape(line)}[/]")
 
@@ -103,10 +117,22 @@ def _facts(evaluation: Evaluation) -> list[tuple[str, str]]:
         ("RE", f"{pooled.re_percent:.3f} % closed form"),
         ("RE, refined", f"{pooled.re_refined_percent:.3f} % ({pooled.re_px:.3f} px)"),
     ]
+    facts += _board_shape(calibration)
     if evaluation.pinholeness is not None:
         facts.append(("pinholeness", f"{evaluation.pinholeness:.2e} of f"))
     if evaluation.kfold_px is not None:
         facts.append(("held out", f"{evaluation.kfold_px:.3f} px over five folds"))
+    return facts
+
+
+def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
+    """What was found of a board that is not flat or not square: never silently."""
+    bow, stretch = calibration.details.get("board_bow_squares"), calibration.details.get("board_stretch")
+    facts = []
+    if isinstance(bow, float):
+        facts.append(("board's bow", f"{bow:.4f} squares{_millimetres(bow, calibration.square_mm)}"))
+    if isinstance(stretch, float):
+        facts.append(("its print", f"{stretch:+.3%} longer along y than along x"))
     return facts
 
 

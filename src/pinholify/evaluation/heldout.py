@@ -38,12 +38,16 @@ def by_size(views: Sequence[Corners]) -> list[Corners]:
 def alternating_split(corner_set: CornerSet, views: Sequence[Corners]) -> Split:
     """Boards by hull area: train on 0, 1, 3, 5, …, test on 2, 4, 6, …."""
     ordered = by_size(views)
+    if not ordered:
+        return Split((), ())
     train = [v for i, v in enumerate(ordered) if i == 0 or i % 2 == 1]
     return _split(corner_set, train, [v for i, v in enumerate(ordered) if i and i % 2 == 0])
 
 
 def folds(corner_set: CornerSet, views: Sequence[Corners], count: int) -> list[Split]:
     """``count`` splits over boards; the largest board always trains, every other one is tested once."""
+    if not views:
+        return []
     first, *others = by_size(views)
     return [
         _split(corner_set, [first, *(v for i, v in enumerate(others) if i % count != k)], others[k::count])

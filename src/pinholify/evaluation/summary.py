@@ -10,7 +10,7 @@ import numpy as np
 from pinholify.calibration.observation import MappedBoard, ObservedBoard, observe
 from pinholify.calibration.result import Calibration
 from pinholify.corners import Corners, CornerSet
-from pinholify.errors import PinholifyError
+from pinholify.errors import CalibrationError, PinholifyError
 from pinholify.evaluation.baseline import MODELS, BoardPoints, fit_opencv
 from pinholify.evaluation.heldout import (
     Split,
@@ -102,6 +102,12 @@ def evaluate(
 ) -> Evaluation:
     """Score ``calibration`` on ``corner_set``; held-out errors need ``recalibrate``."""
     mapped, observed = observe(calibration.camera, corner_set, calibration.solid)
+    if not observed:
+        reasons = sorted({b.reason for b in mapped if b.corners}) or ["no board was found"]
+        raise CalibrationError(
+            f"none of the {len(mapped)} images can be scored ({reasons[0]}): give photographs whose boards lie where "
+            "the camera was calibrated"
+        )
     lines = pinhole_lines(calibration.camera, list(observed.values()))
     views = [v for v in corner_set.views if v.name in observed]
     split = alternating_split(corner_set, views)
@@ -162,6 +168,8 @@ def _heldout(
 ) -> tuple[float | None, str]:
     """Pooled held-out RMS over ``splits``, or None and why."""
     squares, count = 0.0, 0
+    if not splits:
+        return None, "too few boards to hold some out"
     for split in splits:
         if not split.test:
             return None, "too few boards to hold some out"

@@ -13,7 +13,6 @@ from pinholify.arrays import Floats
 from pinholify.gp.kernels import Kernel
 from pinholify.gp.regression import Data, GaussianProcess, condition, likelihood_and_gradient
 
-
 TRIAL_STEPS = 10
 MAXIMUM_STEPS = 1000
 

@@ -44,6 +44,10 @@ class PlaneMap(Protocol):
         """Posterior covariance of q at ``uv`` (n, 2): (n, 2, 2)."""
         ...
 
+    def virtual_covariance(self, uv: Floats) -> Floats | None:
+        """Covariance (n, 2, 2) of virtual points where they share errors with K; None where that of q says it all."""
+        ...
+
     def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
         """The uv (n, 2) that are mapped to ``q`` (n, 2), near ``start`` (n, 2) px; nan where none is found.
 
@@ -130,6 +134,10 @@ class AdditiveMap:
         variances = np.stack([gp.variance(x) for gp in self.processes], axis=1)
         return variances[:, :, None] * np.eye(2) * self.outputs.scale**2
 
+    def virtual_covariance(self, uv: Floats) -> None:
+        """None: the map ends in the virtual plane, so K has no part in it."""
+        return
+
     def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
         """uv (n, 2) of ``q``, by Newton's method."""
         return newton_inverse(self, q, start, reach)
@@ -167,6 +175,10 @@ class DisplacementMap:
         covariance = self.process.covariance(w, trend_features(self.trend, self.beta, w)) * self.inputs.scale**2
         return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
 
+    def virtual_covariance(self, uv: Floats) -> None:
+        """None: the map ends in the virtual plane, so K has no part in it."""
+        return
+
     def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
         """uv (n, 2) of ``q``: only the trend needs inverting."""
         w, reached = inverse(self.trend, self.beta, self.outputs.normalise(q), self.inputs.normalise(start))
@@ -190,6 +202,11 @@ class DisplacementMap:
 
     def _undisplaced(self, x: Floats) -> Floats:
         """The w with w + g(w) = ``x`` (n, 2), by Newton's method from the nearest training point."""
+        seen = np.isfinite(x).all(axis=1)
+        if not seen.all():
+            w = np.full_like(x, np.nan)
+            w[seen] = self._undisplaced(x[seen])
+            return w
         known = self.process.inputs
         displaced = self._displaced(known)
         nearest = cKDTree(displaced).query(x)[1]

@@ -1,0 +1,135 @@
+"""Is it good? One plain sentence, and what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+from pinholify.camera import VirtualCamera
+from pinholify.corners import CornerSet
+from pinholify.evaluation.summary import Evaluation
+from pinholify.refinement.diagnosis import (
+    BoardSuspicion,
+    NextBoard,
+    Structure,
+    next_board,
+    residual_structure,
+    suspicious_boards,
+)
+
+POOR_PX, POOR_RATIO = 1.0, 4.0  # held-out error: in px, and times what the noise alone would leave
+FAIR_RATIO = 1.5
+POOR_FOCAL = 0.02  # relative standard deviation of f
+ENOUGH_COVERAGE = 0.6
+STRUCTURED = 0.01  # p-value
+WRONG_RATIO = 2.0  # times the residuals of the other boards
+GRID = 64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Residuals:
+    """Residuals of an evaluation, as :mod:`pinholify.refinement.diagnosis` wants them."""
+
+    residuals: Mapping[str, Floats]
+    inliers: Mapping[str, Bools]
+    noise_px: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """``level`` is good, fair or poor; ``sentence`` says why.
+
+    ``structure`` tests whether residuals close together are alike, ``coverage`` is the share of the image where the
+    camera may be believed, ``suspicious`` are boards whose residuals are too large, ``next_board`` where one more
+    photograph would help most (joint cameras alone).
+    """
+
+    level: str
+    sentence: str
+    structure: Structure
+    coverage: float
+    suspicious: tuple[BoardSuspicion, ...]
+    next_board: NextBoard | None
+
+
+def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
+    """The verdict on an ``evaluation`` of a calibration with ``corner_set``."""
+    camera = evaluation.calibration.camera
+    seen = residuals_of(evaluation, corner_set)
+    structure = residual_structure(seen, corner_set) if seen.residuals else Structure(0.0, 1.0)
+    suspicious = tuple(s for s in suspicious_boards(seen, corner_set) if s.ratio > WRONG_RATIO)
+    covered = coverage(camera)
+    advice = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
+    level, reasons = _level(evaluation, covered, structure, suspicious)
+    sentence = f"{level.capitalize()}: {_held_out(evaluation)}, f is known to {_focal(evaluation):.2%}"
+    sentence += "".join(f"; {reason}" for reason in reasons)
+    if advice is not None:
+        sentence += f"; to gain most, photograph the board {place(advice, camera.image_size)}"
+    return Verdict(level, sentence + ".", structure, covered, suspicious, advice)
+
+
+def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
+    """Residuals (n, 2) px beside all corners of each counted view, nan (and no inlier) where a corner did not count."""
+    residuals, inliers = {}, {}
+    for view in corner_set.views:
+        observed = evaluation.observed.get(view.name)
+        if observed is None:
+            continue
+        board = observed.board
+        each = np.full((len(view), 2), np.nan)
+        error = (board.whitening @ (observed.projected - board.xy)[:, :, None])[:, :, 0]
+        each[board.inside] = error / view.weights[board.inside, None]
+        residuals[view.name], inliers[view.name] = each, board.inside & np.isfinite(each).all(axis=1)
+    # A board can only look wrong beside the others: where they all misfit it is the camera that does.
+    typical = [np.sqrt((residuals[n][keep] ** 2).mean()) for n, keep in inliers.items() if keep.any()]
+    noise = evaluation.calibration.camera.noise_px
+    return Residuals(residuals, inliers, max([noise, float(np.median(typical))]) if typical else noise)
+
+
+def coverage(camera: VirtualCamera) -> float:
+    """The share of the image where ``camera`` may be believed."""
+    u, v = (np.linspace(0.0, extent - 1.0, GRID) for extent in camera.image_size)
+    return float(camera.inside(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)).mean())
+
+
+def place(advice: NextBoard, image_size: tuple[int, int]) -> str:
+    """Where in the image, in words: ``at the upper left``."""
+    x, y = advice.outline.mean(axis=0) / image_size
+    column = "left" if x < 0.4 else "right" if x > 0.6 else ""
+    row = "upper" if y < 0.4 else "lower" if y > 0.6 else ""
+    names = {("", ""): "in the middle", ("", "upper"): "at the top", ("", "lower"): "at the bottom"}
+    if not column:
+        return names["", row]
+    return f"at the {row} {column}" if row else f"at the {column}"
+
+
+def _level(
+    evaluation: Evaluation, covered: float, structure: Structure, suspicious: tuple[BoardSuspicion, ...]
+) -> tuple[str, list[str]]:
+    floor = np.sqrt(2.0) * evaluation.calibration.camera.noise_px
+    heldout = evaluation.heldout_px
+    poor = heldout is None or heldout > max(POOR_PX, POOR_RATIO * floor) or not _focal(evaluation) < POOR_FOCAL
+    reasons = []
+    if heldout is not None and heldout > FAIR_RATIO * floor:
+        reasons.append(f"its corners' noise alone would leave {floor:.2f} px")
+    if covered < ENOUGH_COVERAGE:
+        reasons.append(f"boards cover only {covered:.0%} of the image")
+    if suspicious:
+        reasons.append(f"boards that look wrong: {', '.join(s.name for s in suspicious[:3])}")
+    fair = bool(reasons)
+    if structure.p_value < STRUCTURED:
+        reasons.append(f"residuals still hang together over the image (p = {structure.p_value:.1g})")
+    return ("poor" if poor else "fair" if fair else "good"), reasons
+
+
+def _held_out(evaluation: Evaluation) -> str:
+    if evaluation.heldout_px is None:
+        return f"no held-out error is known ({evaluation.heldout_reason or 'not asked for'})"
+    return f"photographs it has not seen are off by {evaluation.heldout_px:.2f} px"
+
+
+def _focal(evaluation: Evaluation) -> float:
+    return float(evaluation.calibration.intrinsics_std[0] / evaluation.calibration.camera.intrinsics.f)

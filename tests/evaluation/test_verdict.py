@@ -1,0 +1,58 @@
+"""The verdict says what is true of cameras that are good, thinly covered, or wrong."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pinholify.evaluation.summary import evaluate
+from pinholify.evaluation.verdict import coverage, judge, place
+from pinholify.geometry import Pose
+from pinholify.pipeline import calibrate
+from pinholify.refinement.diagnosis import NextBoard
+from synthetic import corner_set
+
+
+def judged(calibration, corners):
+    evaluation = evaluate(
+        calibration,
+        corners,
+        recalibrate=lambda part, name: calibrate(part, reference=name, method="one-image", trend="lens:3"),
+        compare_opencv=False,
+    )
+    return judge(evaluation, corners)
+
+
+def test_a_good_camera_is_said_to_be_good_or_thinly_covered(barrel_set, barrel_calibration):
+    verdict = judged(barrel_calibration, barrel_set)
+    assert verdict.level == ("good" if verdict.coverage >= 0.6 else "fair")
+    assert verdict.sentence.startswith(verdict.level.capitalize())
+    assert verdict.structure.p_value > 1e-3
+    assert not verdict.suspicious
+    assert verdict.coverage == pytest.approx(coverage(barrel_calibration.camera))
+
+
+def test_a_board_that_looks_wrong_is_named(barrel_set, barrel_calibration):
+    rng = np.random.default_rng(0)
+    shaken = [
+        dataclasses.replace(v, uv=v.uv + 0.6 * rng.normal(size=v.uv.shape)) if v.name == "view4.png" else v
+        for v in barrel_set.views
+    ]
+    verdict = judged(barrel_calibration, barrel_set.with_views(shaken))
+    assert [s.name for s in verdict.suspicious] == ["view4.png"]
+    assert "view4.png" in verdict.sentence
+    assert verdict.level == "fair"
+
+
+def test_a_camera_of_another_lens_is_poor(barrel_calibration):
+    verdict = judged(barrel_calibration, corner_set(squeeze=0.15, noise=2.0, seed=3))
+    assert verdict.level == "poor"
+
+
+@pytest.mark.parametrize(
+    ("centre", "words"),
+    [((500, 400), "in the middle"), ((100, 100), "at the upper left"), ((900, 400), "at the right"), ((500, 700), "at the bottom")],
+)
+def test_a_place_in_words(centre, words):
+    outline = np.add(centre, [[-10, -10], [10, -10], [10, 10], [-10, 10]])
+    assert place(NextBoard(Pose(np.eye(3), np.zeros(3)), outline, 1.0, 0.5), (1000, 800)) == words
