@@ -113,8 +113,8 @@ def held_out(results: Sequence[Reproduced]) -> list[Finding]:
                 times >= needed,
                 f"Held out, one photograph and the default trend: {numbers}, {times:.0f} times less. Unity's effect "
                 "acts on coordinates divided by the image's width and height, so it is an ellipse in px, and no "
-                "radial formula follows it; a factor far above the paper's says that the paper's effect was weaker "
-                "than the one simulated here, whose strength it does not give.",
+                "radial formula follows it; a factor far above the paper's suggests that its effect was weaker than "
+                "the one simulated here; it gives no strength.",
             )
         )
     return found
@@ -152,8 +152,8 @@ def mirror(results: Sequence[Reproduced]) -> list[Finding]:
                 "that looks at a curved mirror do not pass through one point, so no map of its image makes it a "
                 "pinhole camera. CE hardly shows it: lines on other planes stay nearly straight "
                 f"({pooled.ce * 1e4:.2f}e-4 here, {said.ce * 1e4:.2f}e-4 in the paper), but no single K relates these "
-                "planes. For the paper's RE its mirror must have been flatter over the boards, or the boards more "
-                "alike in depth and tilt, than those simulated here.",
+                "planes. With a flatter mirror RE falls (docs/paper.md): the paper's was probably far flatter than the "
+                "one simulated here, whose shape it does not give.",
             )
         )
     return found
