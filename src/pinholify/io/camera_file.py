@@ -33,6 +33,7 @@ from pinholify.gp.maps import AdditiveMap, DisplacementMap, Scaling
 from pinholify.gp.regression import GaussianProcess
 from pinholify.gp.trends import Homography, Lens, Polynomial
 from pinholify.io.files import atomic_path
+from pinholify.modes import SensorMode
 from pinholify.refinement import JointMap
 from pinholify.refinement.basis import SineBasis
 from pinholify.refinement.observations import ImageFrame
@@ -67,6 +68,7 @@ TYPES: dict[str, type[Any]] = {
         PolynomialTrend,
         RationalQuadratic,
         Scaling,
+        SensorMode,
         SineBasis,
         SquaredExponential,
         VirtualCamera,

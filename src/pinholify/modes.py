@@ -1,0 +1,132 @@
+"""The same camera in another mode of its sensor: cropped, binned, or at another resolution.
+
+Nothing is calibrated anew: a mode's pixel is a place on the sensor that was calibrated, and its ray is that place's.
+K, the frame and the unit of length stay; standard deviations, noise and domain are told in the mode's own px.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinholify.arrays import Floats, frozen
+from pinholify.camera import Domain, VirtualCamera
+from pinholify.errors import InputError
+from pinholify.geometry import ConvexRegion
+from pinholify.gp.maps import PlaneMap
+
+ROUNDING = 1.0  # px by which an image scaled in proportion may miss the exact size
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorMode:
+    """A :class:`pinholify.gp.maps.PlaneMap` of a mode's pixels: calibrated pixel = ``scale`` · pixel + ``offset``.
+
+    ``scale`` (2,) and ``offset`` (2,) px are those of columns and rows; ``plane_map`` is the calibrated pixels' map.
+    """
+
+    plane_map: PlaneMap
+    scale: Floats
+    offset: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scale", frozen(self.scale, (2,)))
+        object.__setattr__(self, "offset", frozen(self.offset, (2,)))
+
+    def calibrated(self, uv: Floats) -> Floats:
+        """Pixels (n, 2) of the calibrated image for the mode's ``uv`` (n, 2)."""
+        return uv * self.scale + self.offset
+
+    def restored(self, uv: Floats) -> Floats:
+        """The mode's pixels (n, 2) for pixels ``uv`` (n, 2) of the calibrated image."""
+        return (uv - self.offset) / self.scale
+
+    def value(self, uv: Floats) -> Floats:
+        """q (n, 2)."""
+        return self.plane_map.value(self.calibrated(uv))
+
+    def jacobian(self, uv: Floats) -> Floats:
+        """∂q/∂uv (n, 2, 2)."""
+        return self.plane_map.jacobian(self.calibrated(uv)) * self.scale
+
+    def covariance(self, uv: Floats) -> Floats:
+        """Covariance of q (n, 2, 2)."""
+        return self.plane_map.covariance(self.calibrated(uv))
+
+    def virtual_covariance(self, uv: Floats) -> Floats | None:
+        """Covariance of virtual points (n, 2, 2) where the calibrated map tells it itself."""
+        return self.plane_map.virtual_covariance(self.calibrated(uv))
+
+    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
+        """uv (n, 2) of ``q``, near ``start`` (n, 2)."""
+        found = self.plane_map.inverse(q, self.calibrated(start), reach * float(self.scale.max()))
+        return self.restored(found)
+
+    def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
+        """Shifts of q (draws, n, 2)."""
+        return self.plane_map.noise_response(self.calibrated(uv), draws, rng)
+
+
+def cropped(camera: VirtualCamera, left: int, top: int, size: tuple[int, int]) -> VirtualCamera:
+    """``camera`` reading only ``size`` (width, height) px from column ``left`` and row ``top`` on.
+
+    Raises InputError where that is not a part of its image.
+    """
+    width, height = camera.image_size
+    fits = min(left, top) >= 0 and left + size[0] <= width and top + size[1] <= height
+    if not fits or min(size) < 1:
+        raise InputError(
+            f"a crop of {size[0]}x{size[1]} from column {left} and row {top} is no part of the camera's image of "
+            f"{width}x{height}; give one that lies inside it"
+        )
+    return _in_mode(camera, np.ones(2), np.array([left, top], dtype=np.float64), size)
+
+
+def binned(camera: VirtualCamera, factor: int) -> VirtualCamera:
+    """``camera`` with ``factor`` × ``factor`` of its pixels read as one; columns and rows left over are not read.
+
+    Raises InputError where the factor is below one or leaves no pixel.
+    """
+    width, height = camera.image_size
+    if not 1 <= factor <= min(width, height):
+        raise InputError(
+            f"{factor}x{factor} binning was asked for of images of {width}x{height}; "
+            f"give a whole factor from 1 to {min(width, height)}"
+        )
+    return _in_mode(camera, np.full(2, float(factor)), np.zeros(2), (width // factor, height // factor))
+
+
+def scaled(camera: VirtualCamera, size: tuple[int, int]) -> VirtualCamera:
+    """``camera`` whose whole image is resampled to ``size`` (width, height) px, as image libraries resize.
+
+    Raises InputError where ``size`` has not the image's proportions, up to rounding: that image was cropped too, or is
+    another camera's.
+    """
+    width, height = camera.image_size
+    exact = min(abs(size[0] - size[1] * width / height), abs(size[1] - size[0] * height / width))
+    if min(size) < 1 or exact > ROUNDING:
+        raise InputError(
+            f"images of {size[0]}x{size[1]} have not the proportions of the camera's {width}x{height}: they are no "
+            "scaled copies of its images; crop the camera first if its sensor was cropped, or calibrate at that size"
+        )
+    return _in_mode(camera, np.array([width / size[0], height / size[1]]), np.zeros(2), size)
+
+
+def _in_mode(camera: VirtualCamera, scale: Floats, corner: Floats, size: tuple[int, int]) -> VirtualCamera:
+    """The camera whose pixel measures ``scale`` (2,) px and whose image's outer corner lies ``corner`` px from ours."""
+    # Scaling keeps the outer corner of the image in place, (-0.5, -0.5), and not the centre of its first pixel.
+    mode = SensorMode(camera.plane_map, scale, corner + (scale - 1.0) / 2.0)
+    length = float(np.sqrt(scale.prod()))
+    domain = Domain(ConvexRegion(mode.restored(camera.domain.hull.vertices)), camera.domain.max_std / length)
+    return replace(
+        camera, plane_map=_flat(mode), domain=domain, image_size=size, noise_px=camera.noise_px / length
+    )
+
+
+def _flat(mode: SensorMode) -> SensorMode:
+    """The same mode, of the calibrated image itself where its map is that of a mode already."""
+    inner = mode.plane_map
+    if not isinstance(inner, SensorMode):
+        return mode
+    return SensorMode(inner.plane_map, inner.scale * mode.scale, inner.calibrated(mode.offset))
