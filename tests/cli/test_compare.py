@@ -15,7 +15,8 @@ from synthetic import corner_set as views
 def cameras(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cameras")
     for name, squeeze, seed in (("a", 0.1, 0), ("again", 0.1, 1), ("other", 0.11, 2)):
-        write_camera(folder / f"{name}.npz", calibrate(views(8, squeeze=squeeze, seed=seed), method="joint", trend="plane:1"))
+        made = calibrate(views(8, squeeze=squeeze, seed=seed), method="joint", trend="plane:1")
+        write_camera(folder / f"{name}.npz", made)
     return folder
 
 

@@ -35,7 +35,7 @@ def test_views_keep_their_order_and_broken_files_a_reason(folder: Path):
 
 
 def test_without_a_readable_file_there_is_nothing_to_return(folder: Path):
-    with pytest.raises(ImageError, match="none of 1 images"):
+    with pytest.raises(ImageError, match=r"broken.jpg.*cannot be read"):
         detect_files([folder / "broken.jpg"], BOARD)
     with pytest.raises(ImageError, match="no images"):
         detect_files([], BOARD)

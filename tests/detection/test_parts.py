@@ -36,12 +36,19 @@ def test_a_part_is_placed_by_the_ends_it_shows(board_image, by):
 
 
 def test_a_part_without_ends_is_marked(board_image):
-    image, truth = board_image(9, 6, homography=shifted((-420, -330), CLOSE @ np.diag([2.0, 2.0, 1.0])))
+    image, truth = board_image(9, 6, homography=np.array([[88.0, 4.0, -42.0], [-3.0, 100.0, 0.0], [0, 0, 1]]))
     corners = detect_board(image, BOARD)
     assert len(corners) >= inside(truth).sum()
     assert corners.ambiguous_offset
     offset = truth[corners.ids] - corners.uv
     assert np.ptp(offset / 100, axis=0).max() < 1  # one offset of the lattice, not a scramble
+
+
+def test_less_than_half_of_a_board_without_ends_is_not_taken_for_it(board_image):
+    image, _ = board_image(9, 6, homography=shifted((-420, -330), CLOSE @ np.diag([2.0, 2.0, 1.0])))
+    corners = detect_board(image, BOARD)
+    assert not corners.found
+    assert "which ones cannot be told" in corners.reason
 
 
 def test_a_hand_before_the_board_hides_no_other_corner(board_image):

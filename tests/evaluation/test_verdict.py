@@ -51,7 +51,12 @@ def test_a_camera_of_another_lens_is_poor(barrel_calibration):
 
 @pytest.mark.parametrize(
     ("centre", "words"),
-    [((500, 400), "in the middle"), ((100, 100), "at the upper left"), ((900, 400), "at the right"), ((500, 700), "at the bottom")],
+    [
+        ((500, 400), "in the middle"),
+        ((100, 100), "at the upper left"),
+        ((900, 400), "at the right"),
+        ((500, 700), "at the bottom"),
+    ],
 )
 def test_a_place_in_words(centre, words):
     outline = np.add(centre, [[-10, -10], [10, -10], [10, 10], [-10, 10]])

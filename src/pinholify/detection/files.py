@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,11 +33,13 @@ def detect_files(
     board: Board,
     *,
     mirrored: bool = False,
-    workers: int | None = None,
+    workers: int | None = 1,
     on_result: Callable[[Corners], object] | None = None,
 ) -> CornerSet:
-    """The corners of ``board`` in the image files ``paths``, in their order, by ``workers`` processes (all
-    CPUs).
+    """The corners of ``board`` in the image files ``paths``, in their order.
+
+    ``workers`` processes share the work; None takes one a CPU. More than one are spawned, so a script that asks for
+    them needs the usual ``if __name__ == "__main__":``.
 
     ``on_result`` is called with each image's corners as they arrive, in order. A file that cannot be read is
     a view without corners and a reason. Raises ImageError where no file can be read, where files differ in
@@ -91,14 +96,27 @@ def _map(function: partial[_Seen], jobs: list[tuple[Path, str]], workers: int) -
     if workers == 1:
         yield from map(function, jobs)
         return
-    with multiprocessing.get_context("spawn").Pool(workers, initializer=_be_a_worker) as pool:
+    with _interrupts_ignored():  # which the new processes inherit: while they start, Ctrl-C is for the parent alone
+        pool = multiprocessing.get_context("spawn").Pool(workers, initializer=_be_a_worker)
+    with pool:
         yield from pool.imap(function, jobs)
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """No Ctrl-C inside; only a program's main thread can say so, others change nothing."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _be_a_worker() -> None:
     """One thread a process, and Ctrl-C left to the parent, which ends the pool."""
-    import signal
-
     import cv2
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -109,7 +127,11 @@ def _common_size(seen: list[_Seen]) -> tuple[int, int]:
     """(width, height) of all images that could be read."""
     sizes = Counter(result.size for result in seen if result.size is not None)
     if not sizes:
-        raise ImageError(f"none of {len(seen)} images can be read; the first: {seen[0].corners.reason}")
+        raise ImageError(
+            seen[0].corners.reason
+            if len(seen) == 1
+            else f"none of {len(seen)} images can be read; the first: {seen[0].corners.reason}"
+        )
     (usual, count), *others = sizes.most_common()
     if others:
         first = {result.size: result.corners.name for result in reversed(seen)}

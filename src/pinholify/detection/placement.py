@@ -64,6 +64,11 @@ def place(grey: Grey, lattice: Lattice, board: Board, *, name: str, mirrored: bo
     if not placed:
         return not_found(name, f"the board has {_size(lattice)} inner corners, not {board.spec}")
     ambiguous = sum(len(places) for places in placed) > _symmetries(board)
+    if ambiguous and 2 * len(lattice) < board.columns * board.rows:
+        return not_found(
+            name,
+            f"only {len(lattice)} of {board.columns * board.rows} corners are seen, and which ones cannot be told",
+        )
     chosen, _ = orient([places[0] for places in placed], board)
     return _corners(chosen, board, name, assumed=ambiguous or not board.orientable, ambiguous=ambiguous)
 
