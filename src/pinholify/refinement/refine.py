@@ -30,7 +30,7 @@ from pinholify.refinement.result import (
     poses_of,
     shape_of,
 )
-from pinholify.refinement.settle import best_shape
+from pinholify.refinement.settle import SolveError, best_shape
 from pinholify.refinement.shape import board_shape
 from pinholify.refinement.solver import Solution
 from pinholify.refinement.spectral import density_named
@@ -40,6 +40,7 @@ from pinholify.refinement.trends import Search, searches_named
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
 COVERED = 0.995  # of the corners: some that were found far off do not count
+SECOND_CHOICES = 8  # candidates that get a chance where no finalist can be solved
 MANY = 0.005  # of the corners, found wrong only by the full solve, that call for a second choice of the trend
 
 Progress = Callable[[str], None]
@@ -87,7 +88,8 @@ def refine(
     for candidate in finalists:
         say(f"trend {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
     _check(reference, [v for v in views if v.name in cleaned.seen.names], {**unusable, **cleaned.misfits})
-    say(f"noise {cleaned.settled.hyperparameters.noise * frame.scale:.4g} px with trend {finalists[0].name}")
+    settled = cleaned.settled
+    say(f"noise {settled.hyperparameters.noise * frame.scale:.4g} px with trend {settled.model.trend.name}")
     evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in finalists)
     return _result(corner_set, cleaned, everything, frame, reference, kernel, evidences, unusable)
 
@@ -100,14 +102,18 @@ def _refined(
     everything: Observations,
     trend: str,
 ) -> tuple[list[Candidate], Cleaned]:
-    """The finalists, best first, and the best one solved in full and cleaned."""
-    finalists = contest(setting, stages, list(candidates(setting, stages, known, seen)), seen)
-    if not finalists:
-        raise CalibrationError(
-            f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"
-        )
-    shaped = replace(setting, shape=best_shape(setting, finalists[0]))
-    return finalists, clean(shaped, finalists[0], seen, everything)
+    """The finalists, best first, and the first one that can be solved in full, cleaned."""
+    tried = sorted(candidates(setting, stages, known, seen), key=lambda candidate: -candidate.score)
+    finalists = contest(setting, stages, tried, seen)
+    for candidate in (*finalists, *tried[:SECOND_CHOICES]):
+        shaped = replace(setting, shape=best_shape(setting, candidate))
+        try:
+            return finalists, clean(shaped, candidate, seen, everything)
+        except SolveError:
+            continue
+    raise CalibrationError(
+        f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"
+    )
 
 
 def _check(reference: str, views: list[Corners], unusable: Mapping[str, str]) -> None:

@@ -24,6 +24,10 @@ SAFETY = 0.75  # length scales down to this part of the present one are carried
 FINEST = 0.11  # half diagonals: what 500 functions carry
 
 
+class SolveError(CalibrationError):
+    """A trend whose full solve breaks down; another may do."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Settled:
     """The finished solve: the model, its unknowns, the undamped equations there, hyperparameters and
@@ -65,11 +69,11 @@ def settle(setting: Setting, candidate: Candidate, seen: Observations, known: So
     """``candidate``'s trend with ``setting``'s shape, solved with its process from its origin, or from
     ``known``.
 
-    Raises CalibrationError where the solve breaks down.
+    Raises SolveError where the solve breaks down.
     """
     plain = solve_trend(setting, candidate.trend, known or candidate.origin, seen)
     if plain is None:
-        raise CalibrationError(f"the joint solve with trend {candidate.trend.name} broke down")
+        raise SolveError(f"the joint solve with trend {candidate.trend.name} broke down")
     hyperparameters, state = candidate.hyperparameters, plain.state
     resolved = _resolved(hyperparameters)
     for _ in range(ROUNDS):
@@ -102,7 +106,7 @@ def _solve(
     precision = hyperparameters.precision(density, model.basis.frequencies, model.trend_precision())
     solution = minimise(model, state, seen, precision, Loss(hyperparameters.noise), most_steps=20)
     if solution is None:
-        raise CalibrationError(f"the joint solve with trend {model.trend.name} broke down")
+        raise SolveError(f"the joint solve with trend {model.trend.name} broke down")
     linear = model.linearise(solution.state, seen, solution.prediction)
     equations = eliminate(linear, solution.prediction.residual, seen.weight**2, seen)
     frequencies, prior = model.basis.frequencies, model.trend_precision()
