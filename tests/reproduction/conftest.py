@@ -28,4 +28,4 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def reproduction(folder, datasets):
-    return reproduce(folder, datasets=datasets, workers=1)
+    return reproduce(folder, datasets=datasets)

@@ -33,7 +33,7 @@ def command(folder: Path, quick: bool, as_json: bool, force: bool) -> None:
 
     if folder.is_dir() and any(folder.iterdir()) and not (folder / PHOTOGRAPHS).exists() and not force:
         raise OutputError(f"the folder '{folder}' holds other files; choose a new one with -o, or say --force")
-    reproduction = reproduce(folder, quick=quick, watch=_watch)
+    reproduction = reproduce(folder, quick=quick, watch=_watch, workers=None)
     if as_json:
         print_json(reproduction.numbers)
     else:

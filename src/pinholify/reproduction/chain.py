@@ -59,7 +59,7 @@ class Reproduced:
 
 
 def reproduce_dataset(
-    dataset: Dataset, views: int, folder: Path, watch: Watch, *, workers: int | None = None
+    dataset: Dataset, views: int, folder: Path, watch: Watch, *, workers: int | None = 1
 ) -> Reproduced:
     """Render the first ``views`` photographs under ``folder``, find their corners, calibrate twice and score.
 

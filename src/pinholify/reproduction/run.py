@@ -54,12 +54,12 @@ def reproduce(
     quick: bool = False,
     datasets: Sequence[Dataset] = tuple(DATASETS.values()),
     watch: Watch = unwatched,
-    workers: int | None = None,
+    workers: int | None = 1,
 ) -> Reproduction:
     """Reproduce the paper into ``folder``: its photographs, corners, cameras, figures, numbers.json, and the page.
 
     The page is index.html, and report.md for where Markdown is read. Photographs that an earlier run of this version
-    finished are taken as they are. Raises OutputError where matplotlib is missing or the folder cannot be written,
+    finished are taken as they are. Corners are found by ``workers`` processes (None: one a CPU). Raises OutputError where matplotlib is missing or the folder cannot be written,
     before any other work.
     """
     require_matplotlib()
