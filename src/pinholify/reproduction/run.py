@@ -59,8 +59,8 @@ def reproduce(
     """Reproduce the paper into ``folder``: its photographs, corners, cameras, figures, numbers.json, and the page.
 
     The page is index.html, and report.md for where Markdown is read. Photographs that an earlier run of this version
-    finished are taken as they are. Corners are found by ``workers`` processes (None: one a CPU). Raises OutputError where matplotlib is missing or the folder cannot be written,
-    before any other work.
+    finished are taken as they are. Corners are found by ``workers`` processes (None: one a CPU). Raises OutputError
+    where matplotlib is missing or the folder cannot be written, before any other work.
     """
     require_matplotlib()
     photographs, figures = make_folder(folder / PHOTOGRAPHS), make_folder(folder / "figures")
