@@ -33,13 +33,13 @@ from pinholify.refinement.spectral import LogDensity
 from pinholify.refinement.trends import Search, Trend
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
-SCREENING_LENGTH_SCALE = 0.2  # the shortest that screening resolves, in half diagonals of the image
+SCREENING_LENGTH_SCALE = 0.25  # the shortest that screening resolves, in half diagonals of the image
 FIRST_LENGTH_SCALE = 0.4
 GRID = 15
 FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
 ENDS_COST = 100.0  # nats
 WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
-PATIENCE = 2  # orders without gain after which higher ones are not tried
+PATIENCE = 1  # orders without gain after which higher ones are not tried
 WORTH = 3.0  # nats that the process must bring for its two parameters
 CONTENDERS, WINDOW = 6, 40.0  # how many of the best get a closer look, and how many nats behind the best
 
@@ -218,7 +218,7 @@ def _strong_enough(hyperparameters: Hyperparameters) -> Hyperparameters | None:
 
 
 def _with_process(setting: Setting, solved: Solved, start: Hyperparameters) -> Iterator[Candidate]:
-    """The best trend of each order with the process, rising until more order has twice not helped."""
+    """The best trend of each order with the process, rising until more order does not help."""
     best, worse = -np.inf, 0
     for order in sorted({candidate.trend.order for candidate in solved.plain}):
         plain = next(candidate for candidate in solved.plain if candidate.trend.order == order)

@@ -91,9 +91,10 @@ def settle(setting: Setting, candidate: Candidate, seen: Observations, known: So
         )
         moved = np.abs(_logarithms(fit.hyperparameters) - _logarithms(hyperparameters)).max()
         hyperparameters, state = fit.hyperparameters, settled.solution.state
-        if moved < SETTLED:
+        crowded = resolved > FINEST and SAFETY**0.5 * _length_scale(hyperparameters) < resolved
+        if moved < SETTLED and not crowded:
             break
-        if not resolved < SAFETY**0.5 * _length_scale(hyperparameters) < 2.0 * resolved:
+        if crowded or _length_scale(hyperparameters) > 2.0 * resolved / SAFETY:
             resolved = _resolved(hyperparameters)
     frequencies = settled.model.basis.frequencies
     precision = hyperparameters.precision(setting.density, frequencies, settled.problem.precision)
