@@ -3,8 +3,8 @@
 ``camera`` stands where OpenCV has ``cameraMatrix, distCoeffs``. Points may be (N, 2), (N, 1, 2) or (1, N, 2), and of
 any number type; answers keep the shape and are float64. Pixels have (0, 0) at the centre of the top-left pixel. The
 camera's frame is the reference board's; ``R`` (3, 3), a rotation from it such as ``View.rotation``, chooses another
-everywhere. What does not exist (a pixel that sees no point, a point behind a plane) is nan. The answers are exact: of
-the same map that straightens images, without tables.
+everywhere. What does not exist (a pixel that sees no point, a point behind a plane) is nan. The answers are exact, of
+the same map that straightens images; where there are millions of points, :func:`undistortion_table` is faster.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from pinholify.calibration.poses import refine_pose
 from pinholify.camera import VirtualCamera
 from pinholify.errors import InputError
 from pinholify.geometry import Pose, homogeneous
+from pinholify.tables import PointTable, point_table
 
 FEWEST_POINTS = 4
 WIDEST = np.cos(np.deg2rad(80.0))  # from the mean ray; beyond, a plane across it is no place for a first guess
@@ -39,6 +40,13 @@ def undistort_points(
         z = np.where(rays[..., 2:] > 0, rays[..., 2:], np.nan)
     plane = np.concatenate([rays[..., :2] / z, np.ones_like(z)], axis=-1) @ _matrix(P).T
     return np.asarray(plane[..., :2] / plane[..., 2:])
+
+
+def undistortion_table(
+    camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None, *, tolerance: float = 1e-3
+) -> PointTable:
+    """:func:`undistort_points` for many points: call the table with ``src``; right to ``tolerance`` px of the image."""
+    return point_table(lambda uv: undistort_points(uv, camera, R, P), camera.image_size, tolerance=tolerance)
 
 
 def distort_points(
