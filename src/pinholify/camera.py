@@ -43,7 +43,7 @@ class Rays:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Domain:
-    """Where a camera may be believed: inside ``hull`` (px) and where the map's std is at most ``max_std`` (px)."""
+    """Where a camera may be believed: inside ``hull`` (px) and where the map's shape is known to ``max_std`` px."""
 
     hull: ConvexRegion
     max_std: float = np.inf
@@ -96,15 +96,25 @@ class VirtualCamera:
 
     def pixel_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) of the map expressed as a shift of the pixel, px²."""
+        return self._as_pixels(uv, self.plane_map.covariance(uv))
+
+    def shape_std(self, uv: Floats) -> Floats:
+        """How well the map's shape is known at each pixel: std (n,) in px, root mean square over both axes.
+
+        Leaves out what a turn of the whole camera would undo, such as the uncertainty of the reference board's pose.
+        """
+        covariance = self._as_pixels(uv, self.plane_map.covariance_up_to_turn(uv))
+        return np.asarray(np.sqrt(np.trace(covariance, axis1=1, axis2=2) / 2.0))
+
+    def _as_pixels(self, uv: Floats, covariance: Floats) -> Floats:
         inverse = np.linalg.inv(self.plane_map.jacobian(uv))
-        return np.asarray(inverse @ self.plane_map.covariance(uv) @ inverse.transpose(0, 2, 1))
+        return np.asarray(inverse @ covariance @ inverse.transpose(0, 2, 1))
 
     def inside(self, uv: Floats) -> Bools:
         """Whether each pixel (n, 2) lies in the domain."""
         inside = self.domain.hull.contains(uv)
         if np.isfinite(self.domain.max_std) and inside.any():
-            variance = np.trace(self.pixel_covariance(uv[inside]), axis1=1, axis2=2)
-            inside[inside] = variance <= 2.0 * self.domain.max_std**2
+            inside[inside] = self.shape_std(uv[inside]) <= self.domain.max_std
         return inside
 
     # --- to pixels ---

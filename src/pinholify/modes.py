@@ -54,6 +54,10 @@ class SensorMode:
         """Covariance of q (n, 2, 2)."""
         return self.plane_map.covariance(self.calibrated(uv))
 
+    def covariance_up_to_turn(self, uv: Floats) -> Floats:
+        """The same but for a turn of the whole camera, (n, 2, 2)."""
+        return self.plane_map.covariance_up_to_turn(self.calibrated(uv))
+
     def virtual_covariance(self, uv: Floats) -> Floats | None:
         """Covariance of virtual points (n, 2, 2) where the calibrated map tells it itself."""
         return self.plane_map.virtual_covariance(self.calibrated(uv))

@@ -121,19 +121,16 @@ def observe(
 
     ``solid`` takes lattice points (n, 2) to the board's points (n, 3); boards are flat unless it says otherwise.
     """
-    inside = [camera.inside(view.uv) for view in corner_set.views]
-    mapped = [
-        map_board(
-            view,
-            corner_set.board,
-            keep,
-            camera.virtual_points(view.uv[keep]),
-            camera.virtual_jacobian(view.uv[keep]),
-        )
-        for view, keep in zip(corner_set.views, inside, strict=True)
-    ]
-    mapped = without_wrong_corners(mapped, corner_set)
+    mapped = without_wrong_corners([_map_view(camera, view, corner_set.board) for view in corner_set.views], corner_set)
     return mapped, {b.name: locate(camera, b, solid) for b in mapped if b.used}
+
+
+def _map_view(camera: VirtualCamera, view: Corners, board: Board) -> MappedBoard:
+    inside = camera.inside(view.uv)
+    if not inside.any():
+        return unused(view, view.reason or f"none of {len(view)} corners lies where the camera may be believed", inside)
+    uv = view.uv[inside]
+    return map_board(view, board, inside, camera.virtual_points(uv), camera.virtual_jacobian(uv))
 
 
 def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:

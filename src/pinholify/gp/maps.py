@@ -44,6 +44,10 @@ class PlaneMap(Protocol):
         """Posterior covariance of q at ``uv`` (n, 2): (n, 2, 2)."""
         ...
 
+    def covariance_up_to_turn(self, uv: Floats) -> Floats:
+        """The same, leaving out what a turn of the whole camera would undo: how well the map's shape is known."""
+        ...
+
     def virtual_covariance(self, uv: Floats) -> Floats | None:
         """Covariance (n, 2, 2) of virtual points where they share errors with K; None where that of q says it all."""
         ...
@@ -134,6 +138,10 @@ class AdditiveMap:
         variances = np.stack([gp.variance(x) for gp in self.processes], axis=1)
         return variances[:, :, None] * np.eye(2) * self.outputs.scale**2
 
+    def covariance_up_to_turn(self, uv: Floats) -> Floats:
+        """The covariance itself: the plane is the reference board's, there is no turn."""
+        return self.covariance(uv)
+
     def virtual_covariance(self, uv: Floats) -> None:
         """None: the map ends in the virtual plane, so K has no part in it."""
         return
@@ -174,6 +182,10 @@ class DisplacementMap:
         jacobian = self._jacobian_at(w)
         covariance = self.process.covariance(w, trend_features(self.trend, self.beta, w)) * self.inputs.scale**2
         return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
+
+    def covariance_up_to_turn(self, uv: Floats) -> Floats:
+        """The covariance itself: the plane is the reference board's, there is no turn."""
+        return self.covariance(uv)
 
     def virtual_covariance(self, uv: Floats) -> None:
         """None: the map ends in the virtual plane, so K has no part in it."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pinholify.arrays import Bools
 from pinholify.camera import VirtualCamera
 from pinholify.rectification.expansion import expand
-from pinholify.rectification.views import SAMPLES, View, image_samples, map_std
+from pinholify.rectification.views import SAMPLES, View, image_samples
 
 Image = NDArray[np.generic]
 
@@ -49,7 +49,7 @@ def source_mask(camera: VirtualCamera, max_std: float | None) -> Bools:
         cv2.fillConvexPoly(mask, hull, 1, shift=4)
         return mask.astype(bool)
     limit = camera.domain.max_std if max_std is None else max_std
-    log_std = np.log(map_std(camera, image_samples(camera.image_size)) + 1e-12).astype(np.float32)
+    log_std = np.log(camera.shape_std(image_samples(camera.image_size)) + 1e-12).astype(np.float32)
     return np.asarray(_upsampled(log_std.reshape(SAMPLES, SAMPLES), width, height) <= np.log(limit + 1e-12))
 
 

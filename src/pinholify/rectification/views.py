@@ -94,12 +94,7 @@ def believable(camera: VirtualCamera, pixels: Floats, max_std: float | None) -> 
     """Where ``pixels`` (n, 2) may be used: a standard deviation of at most ``max_std`` px, or inside the domain."""
     if max_std is None:
         return camera.inside(pixels)
-    return np.asarray(map_std(camera, pixels) <= max_std)
-
-
-def map_std(camera: VirtualCamera, pixels: Floats) -> Floats:
-    """The map's standard deviation (n,) in px at ``pixels`` (n, 2), root mean square over both axes."""
-    return np.asarray(np.sqrt(np.trace(camera.pixel_covariance(pixels), axis1=1, axis2=2) / 2.0))
+    return np.asarray(camera.shape_std(pixels) <= max_std)
 
 
 def image_samples(image_size: tuple[int, int]) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,8 @@ class JointMap:
     the joint covariance of the weights of g_u and g_v, β and (where r has it) the reference pose's turn and
     shift in the solve's axes.
 
-    The covariance is of rays in the reference board's frame: it counts that this frame is only known as well
+    ``turn_root`` (3, r) turns the camera so that what ``root`` does to the map's rays is as small as a turn can make
+    it. The covariance is of rays in the reference board's frame: it counts that this frame is only known as well
     as that board's pose.
     """
 
@@ -45,6 +46,7 @@ class JointMap:
     translation: Floats
     middle: Floats
     root: Floats
+    turn_root: Floats
 
     def __post_init__(self) -> None:
         unknowns = 2 * len(self.basis) + len(self.beta) + POSE
@@ -55,6 +57,7 @@ class JointMap:
             "translation": (3,),
             "middle": (2,),
             "root": (unknowns, None),
+            "turn_root": (3, None),
         }
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen(getattr(self, name), shape))
@@ -75,6 +78,20 @@ class JointMap:
         """Covariance of q (n, 2, 2), radians²."""
         half = self.features(uv) @ self.root
         return half @ half.transpose(0, 2, 1)
+
+    def covariance_up_to_turn(self, uv: Floats) -> Floats:
+        """Covariance of q (n, 2, 2) once each error of the map is turned back as well as it goes, over all corners."""
+        features = self.features(uv)
+        half = features[:, :, :-POSE] @ self.root[:-POSE] + features[:, :, -POSE:-3] @ self.turn_root
+        return np.asarray(half @ half.transpose(0, 2, 1))
+
+    def with_turn_fitted(self, uv: Floats) -> JointMap:
+        """The same map with :attr:`turn_root` fitted to its errors at pixels ``uv`` (n, 2)."""
+        features = self.features(uv)
+        turns = features[:, :, -POSE:-3].reshape(-1, 3)
+        errors = (features[:, :, :-POSE] @ self.root[:-POSE]).reshape(len(turns), -1)
+        turn_root = np.asarray(-np.linalg.lstsq(turns, errors, rcond=None)[0], dtype=np.float64)
+        return replace(self, turn_root=turn_root)
 
     def virtual_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) of virtual points, squares²: what the reference board's pose and K share cancels."""

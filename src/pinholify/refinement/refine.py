@@ -159,7 +159,7 @@ def _result(
 ) -> JointResult:
     settled, seen = cleaned.settled, cleaned.seen
     middle = lattice_middle(corner_set.board)
-    plane_map = joint_map(settled, frame, seen.names.index(reference), middle)
+    plane_map = joint_map(settled, seen, frame, seen.names.index(reference), middle)
     hyper = settled.hyperparameters
     noise_px = hyper.noise * frame.scale
     residuals = {name: r * frame.scale * frame.signs for name, r in cleaned.residuals.items()}

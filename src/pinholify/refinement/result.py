@@ -16,6 +16,7 @@ from pinholify.refinement.maps import JointMap
 from pinholify.refinement.observations import ImageFrame, Observations
 from pinholify.refinement.settle import Settled
 
+ENOUGH_TO_TURN = 1000  # corners to fit three angles to
 DOMAIN_STD = 5.0  # standard deviations of a corner's noise, beyond which the map is not believed
 
 
@@ -70,10 +71,10 @@ class JointResult:
         return {name: int((~mask).sum()) for name, mask in self.inliers.items() if not mask.all()}
 
 
-def joint_map(settled: Settled, frame: ImageFrame, reference: int, middle: Floats) -> JointMap:
+def joint_map(settled: Settled, seen: Observations, frame: ImageFrame, reference: int, middle: Floats) -> JointMap:
     """The map of the finished solve, with the covariance of all it rests on."""
-    state = settled.solution.state
-    return JointMap(
+    state, root = settled.solution.state, covariance_root(settled, reference)
+    joint = JointMap(
         frame,
         settled.model.trend,
         state.beta,
@@ -82,8 +83,11 @@ def joint_map(settled: Settled, frame: ImageFrame, reference: int, middle: Float
         state.rotations[reference],
         state.translations[reference],
         middle,
-        covariance_root(settled, reference),
+        root,
+        np.zeros((3, root.shape[1])),
     )
+    every = max(1, len(seen.image) // ENOUGH_TO_TURN)
+    return joint.with_turn_fitted(frame.restore(seen.image[::every]))
 
 
 def covariance_root(settled: Settled, board: int) -> Floats:
