@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
+from pinholify.camera import Domain
 from pinholify.errors import ImageError, InputError
+from pinholify.geometry import ConvexRegion
 from pinholify.io.camera_file import read_camera, write_camera
 from pinholify.modes import SensorMode, binned, cropped, scaled
 from pinholify.rectification.straightener import Straightener
@@ -47,6 +49,17 @@ def test_rays_are_those_of_the_same_place_on_the_sensor(mode, barrel_calibration
     assert camera.image_size == size
     assert camera.noise_px * scale == pytest.approx(full.noise_px)
     assert (camera.intrinsics, camera.chart) == (full.intrinsics, full.chart)
+
+
+@pytest.mark.parametrize("name", MODES)
+def test_a_limit_of_the_std_holds_on_the_same_places(barrel_calibration, name):
+    make, size, _ = MODES[name]
+    full = barrel_calibration.camera
+    wide = ConvexRegion(np.array([[0.0, 0.0], [1919, 0], [1919, 1199], [0, 1199]]))
+    uv = places(size)
+    std = full.to_rays(make(full).plane_map.calibrated(uv)).std_px
+    limited = replace(full, domain=Domain(wide, float(np.median(std))))
+    np.testing.assert_array_equal(make(limited).inside(uv), std <= np.median(std))
 
 
 def test_there_and_back(mode):

@@ -184,8 +184,17 @@ def test_the_unit_of_length_is_free(camera, unit):
     np.testing.assert_allclose(tvec[:, 0], unit * TVEC, rtol=1e-6)
 
 
+def test_the_origin_of_the_points_is_free(camera):
+    points, origin = solid_points(), np.array([9000.0, -4000.0, 2500.0])
+    image = project_points(points, RVEC, TVEC, camera)[0]
+    _, rvec, tvec = solve_pnp(points + origin, image, camera)
+    rotation = Rotation.from_rotvec(RVEC).as_matrix()
+    np.testing.assert_allclose(rvec[:, 0], RVEC, atol=1e-7)
+    np.testing.assert_allclose(tvec[:, 0], TVEC - rotation @ origin, atol=1e-5)
+
+
 def test_points_all_around_a_wide_lens_give_a_pose():
-    """Rays up to 110° from the axis, in a chart that reaches them."""
+    """Rays up to 105° from the axis, in a chart that reaches them."""
     rng, square, pose = np.random.default_rng(5), 300.0, Pose(Rotation.from_rotvec(RVEC).as_matrix(), 0.3 * TVEC)
     wide = VirtualCamera(
         AngleMap(square), AngleChart(np.eye(3)), Intrinsics(1.0, 0.0, 0.0), Domain(convex_hull(FRAME)), SIZE, 0.1
