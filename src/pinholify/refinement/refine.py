@@ -39,6 +39,7 @@ from pinholify.refinement.trends import Search, searches_named
 
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
+FEWEST_FOR_SHAPE = 6  # a few views of a hand-held camera can agree on a shape that is none of the board's
 COVERED = 0.995  # of the corners: some that were found far off do not count
 SECOND_CHOICES = 8  # candidates that get a chance where no finalist can be solved
 MANY = 0.005  # of the corners, found wrong only by the full solve, that call for a second choice of the trend
@@ -72,7 +73,7 @@ def refine(
     setting = Setting(
         density,
         scales,
-        board_shape(corner_set.board),
+        board_shape(corner_set.board, known=len(views) >= FEWEST_FOR_SHAPE),
         frame.half_size,
         _covered(everything),
         SHORTEST * _spacing(everything),

@@ -76,6 +76,6 @@ class BoardShape:
         return np.column_stack([xi2, xi * upsilon, upsilon2, xi2**2, xi2 * upsilon2, upsilon2**2])
 
 
-def board_shape(board: Board) -> BoardShape:
-    """All shapes that ``board`` may have."""
-    return BoardShape((board.columns - 1) / 2.0, (board.rows - 1) / 2.0)
+def board_shape(board: Board, *, known: bool = True) -> BoardShape:
+    """All shapes that ``board`` may have; flat and square alone where its shape cannot be ``known``."""
+    return BoardShape((board.columns - 1) / 2.0, (board.rows - 1) / 2.0, bends=known, stretches=known)
