@@ -12,6 +12,7 @@ from PIL import Image
 from reportlab.pdfbase.pdfmetrics import stringWidth
 
 from pinholify.board import BOARD_KINDS, Checkerboard, parse_board
+from pinholify.detection import detect_board
 from pinholify.errors import BoardError, InputError, OutputError
 from pinholify.io.board_print import ARTWORKS, FOOTER, FORMATS, MARGIN, PAGES, lay_out, write_board
 
@@ -210,7 +211,7 @@ def test_a_kind_of_board_that_has_no_drawing_is_refused():
 
 
 def test_every_kind_of_board_has_a_drawing():
-    examples = {"checkerboard": "5x4"}
+    examples = {"checkerboard": "5x4", "charuco": "charuco:6x5:DICT_4X4_50:0.7"}
     assert examples.keys() == BOARD_KINDS.keys()
     for spec in examples.values():
         board = parse_board(spec)
@@ -218,3 +219,23 @@ def test_every_kind_of_board_has_a_drawing():
         assert (artwork.columns, artwork.rows) >= (board.columns, board.rows)
         assert all(0 <= r.x <= artwork.columns - r.width for r in artwork.black)
         assert all(0 <= r.y <= artwork.rows - r.height for r in artwork.black)
+
+
+@pytest.mark.parametrize("spec", ["charuco:6x5:DICT_4X4_50:0.75", "charuco:9x7:DICT_5X5_100:0.7"])
+def test_a_charuco_board_is_opencvs(spec, tmp_path):
+    """Drawn cell by cell it is the picture OpenCV makes, and the printed file is read by the detector."""
+    board = parse_board(spec)
+    scale = 240
+    columns, rows = board.columns + 1, board.rows + 1
+    drawn = np.full((rows * scale, columns * scale), 255, np.uint8)
+    for r in ARTWORKS[type(board)](board).black:
+        x0, y0, x1, y1 = (round(scale * v) for v in (r.x, r.y, r.x + r.width, r.y + r.height))
+        drawn[y0:y1, x0:x1] = 0
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    theirs = cv2.aruco.CharucoBoard((columns, rows), 1.0, board.marker, dictionary)
+    theirs = theirs.generateImage((columns * scale, rows * scale), marginSize=0)
+    assert (drawn != theirs).mean() < 0.02  # edges of cells fall between pixels
+    path = tmp_path / "board.png"
+    write_board(board, path, square_mm=20, page="A4")
+    found = detect_board(cv2.resize(cv2.imread(str(path)), None, fx=0.4, fy=0.4, interpolation=cv2.INTER_AREA), board)
+    assert list(found.ids) == list(range(board.columns * board.rows))

@@ -15,6 +15,7 @@ from pinholify.geometry import apply_homography, line_distances
 
 LINES_EACH_WAY = 10
 INLIER = 2.5  # robust standard deviations
+PAIRS = 60
 
 
 def board_lines(lattice: Floats, points: Floats) -> list[Floats]:
@@ -144,16 +145,16 @@ def _robust_line(points: Floats) -> tuple[Floats, Floats]:
     """
     depth = np.linalg.norm(points, axis=1)
     first, second = np.triu_indices(len(points), 1)
-    chosen = np.linspace(0, len(first) - 1, min(len(first), 60)).round().astype(int)
-    best, best_median = np.ones(len(points), dtype=bool), np.inf
-    for i, j in zip(first[chosen], second[chosen], strict=True):
-        length = np.linalg.norm(points[j] - points[i])
-        if length < 1e-9:
-            continue
-        distance = np.linalg.norm(np.cross(points - points[i], (points[j] - points[i]) / length), axis=1) / depth
-        median = float(np.median(distance))
-        if median < best_median:
-            best, best_median = distance <= max(INLIER * 1.4826 * median, 1e-12), median
+    chosen = np.linspace(0, len(first) - 1, min(len(first), PAIRS)).round().astype(int)
+    start, along = points[first[chosen]], points[second[chosen]] - points[first[chosen]]
+    length = np.linalg.norm(along, axis=1)
+    start, along = start[length > 1e-9], along[length > 1e-9] / length[length > 1e-9, None]
+    if not len(start):
+        return points.mean(axis=0), points[0] / depth[0]
+    distances = np.linalg.norm(np.cross(points - start[:, None], along[:, None]), axis=2) / depth
+    medians = np.median(distances, axis=1)
+    nearest = int(medians.argmin())
+    best = distances[nearest] <= max(INLIER * 1.4826 * float(medians[nearest]), 1e-12)
     kept = points[best]
     anchor = kept.mean(axis=0)
     return anchor, np.linalg.svd(kept - anchor, full_matrices=False)[2][0]

@@ -17,7 +17,10 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
 
-from pinholify.board import Board, Checkerboard
+import numpy as np
+from numpy.typing import NDArray
+
+from pinholify.board import Board, Charuco, Checkerboard
 from pinholify.errors import BoardError, InputError
 from pinholify.io.files import atomic_path, writing_text
 
@@ -115,7 +118,32 @@ def _checkerboard(board: Checkerboard) -> Artwork:
     return Artwork(columns, rows, tuple(black))
 
 
-ARTWORKS: dict[type, Callable[[Any], Artwork]] = {Checkerboard: _checkerboard}
+def _charuco(board: Charuco) -> Artwork:
+    """The checkerboard, and in its white squares, row by row, the markers; a row of black cells is one rectangle."""
+    import cv2
+
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    squares = _checkerboard(Checkerboard(board.columns, board.rows))
+    white = [(x, y) for y in range(squares.rows) for x in range(squares.columns) if (x + y) % 2 == 1]
+    cells = dictionary.markerSize + 2
+    cell, margin = board.marker / cells, (1.0 - board.marker) / 2.0
+    black = list(squares.black)
+    for number, (x, y) in enumerate(white):
+        marker = cv2.aruco.generateImageMarker(dictionary, number, cells) == 0
+        for row, line in enumerate(marker):
+            for start, end in _runs(line):
+                left, top = x + margin + start * cell, y + margin + row * cell
+                black.append(Rectangle(left, top, (end - start) * cell, cell))
+    return Artwork(squares.columns, squares.rows, tuple(black))
+
+
+def _runs(line: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Start and end of each run of true cells."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], line, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+ARTWORKS: dict[type, Callable[[Any], Artwork]] = {Checkerboard: _checkerboard, Charuco: _charuco}
 """How each kind of board is drawn."""
 
 

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.stats import chi2, norm
+from scipy.special import gammaincc, ndtr  # scipy.stats would take longer to import than to use
 
 from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.board import Board, lattice
@@ -79,7 +79,7 @@ def residual_structure(result: Residuals, corners: CornerSet, *, seed: int = 0) 
             [cosine * whitened[:, 0] - sine * whitened[:, 1], sine * whitened[:, 0] + cosine * whitened[:, 1]]
         )
         null[i] = (turned[first] * turned[second]).sum(axis=1).mean() / power
-    return Structure(observed, float(norm.sf(observed / null.std())))
+    return Structure(observed, float(ndtr(-observed / null.std())))
 
 
 def _inliers(result: Residuals, corners: CornerSet) -> tuple[Floats, Floats, Ints]:
@@ -125,7 +125,7 @@ def suspicious_boards(result: Residuals, corners: CornerSet) -> list[BoardSuspic
         whitened = result.residuals[view.name][keep] * view.weights[keep, None] / result.noise_px
         freedom = max(whitened.size - 6, 1)
         misfit = float((whitened**2).sum())
-        p_value = min(1.0, float(chi2.sf(misfit, freedom)) * len(result.residuals))
+        p_value = min(1.0, float(gammaincc(freedom / 2.0, misfit / 2.0)) * len(result.residuals))
         if p_value < SUSPICIOUS:
             found.append(BoardSuspicion(view.name, float(np.sqrt(misfit / freedom)), p_value))
     return sorted(found, key=lambda suspicion: -suspicion.ratio)
