@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from pinholify.board import Checkerboard
 from pinholify.cli import main
-from pinholify.corners import Corners, CornerSet
 from pinholify.geometry import Pose
 from pinholify.io.corner_tables import write_corner_table
 from pinholify.io.images import write_image
-from pinholify.simulation.datasets import Dataset
-from pinholify.simulation.lenses import BrownConrady
-from pinholify.simulation.photograph import Sensor
-from pinholify.simulation.views import board_poses, true_corners
-
-BOARD = Checkerboard(9, 6)
-SIZE = (640, 480)
-LENS = BrownConrady(SIZE, (420.0, 420.0), (6.0, -4.0), (-0.18, 0.03, 0.0))
-SMALL = Dataset("small", "A small camera", LENS, BOARD, 7, Sensor(shot_noise=1.0, read_noise=1.0), 3, {})
+from pinholify.simulation.views import board_poses
+from small_camera import BOARD, FROM_TABLE, LENS, SMALL, corner_set
 
 
 @dataclass(frozen=True)
@@ -75,14 +65,6 @@ def refused(run: Command) -> Callable[..., str]:
     return command
 
 
-def corner_set(poses: Sequence[Pose], *, noise: float = 0.05, lens: BrownConrady = LENS) -> CornerSet:
-    """Noisy corners of ``poses`` as the small camera sees them, named a0.png, a1.png, …"""
-    rng = np.random.default_rng(0)
-    views = []
-    for i, pose in enumerate(poses):
-        uv = true_corners(lens, BOARD, pose)
-        views.append(Corners(f"a{i}.png", np.arange(len(uv)), uv + rng.normal(0, noise, uv.shape)))
-    return CornerSet(BOARD, SIZE, tuple(views))
 
 
 @pytest.fixture(scope="session")
@@ -107,7 +89,6 @@ def table(tmp_path_factory: pytest.TempPathFactory, poses: tuple[Pose, ...]) -> 
     return path
 
 
-FROM_TABLE = ("--board", "9x6", "--image-size", "640x480", "--trend", "lens:1", "--no-opencv")
 
 
 @pytest.fixture(scope="session")

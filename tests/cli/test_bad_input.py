@@ -16,11 +16,11 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from conftest import BOARD, FROM_TABLE, corner_set
 from pinholify.corners import Corners
 from pinholify.geometry import Pose
 from pinholify.io.corner_tables import write_corner_table
 from pinholify.io.images import write_image
+from small_camera import BOARD, FROM_TABLE, corner_set
 
 CORNERS = ("--image-size", "640x480", "--board", "9x6", "--no-opencv")
 MIDDLE = np.array([(BOARD.columns - 1) / 2, (BOARD.rows - 1) / 2, 0.0])

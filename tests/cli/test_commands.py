@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 import pytest
 
-from conftest import BOARD, FROM_TABLE, LENS, SIZE, SMALL, corner_set
 from pinholify.board import lattice, size
 from pinholify.evaluation.measures import board_lines
 from pinholify.io.camera_file import read_camera
 from pinholify.io.corner_tables import read_corner_table, write_corner_table
 from pinholify.io.images import read_image, write_image
+from small_camera import BOARD, FROM_TABLE, LENS, SIZE, SMALL, corner_set
 
 EVALUATION_KEYS = {
     "format_version", "method", "kernel", "trend", "f", "uc", "vc", "f_std", "uc_std", "vc_std", "reference",
