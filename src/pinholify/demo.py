@@ -47,6 +47,7 @@ numbers.json        how good it is
 """
 
 RED, GREEN = (60, 60, 230), (80, 190, 60)
+COLOURS = ((60, 60, 230), (200, 110, 30), (70, 170, 50), (20, 150, 230))  # one a board
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +135,7 @@ def _write_pictures(
     both = side_by_side(scene, straight, "as photographed", "as a pinhole camera sees it")
     write_image(folder / "before-after.jpg", both)
     reference = _in_colour(read_image(photographs / calibration.reference))
-    board_view = Straightener(calibration.camera, "board")
+    board_view = Straightener(calibration.camera, "board", max_std=SHOWN_STD)
     flat = board_view(reference)
     write_image(
         folder / "board.jpg",
@@ -183,20 +184,24 @@ def _polyline(image: NDArray[Any], points: NDArray[np.float64], colour: tuple[in
 
 
 def _collinearity_picture(evaluation: Evaluation, size: tuple[int, int] = (1280, 960)) -> Image:
-    """All counted boards in the virtual plane: points, and the lines fitted to rows and columns."""
-    boards = list(evaluation.observed.values())
+    """The first few boards in the virtual plane: points, and the lines fitted to rows and columns."""
+    boards = list(evaluation.observed.values())[: len(COLOURS)]
     points = np.concatenate([o.board.xy for o in boards])
     low, high = points.min(axis=0), points.max(axis=0)
     scale = float(((np.array(size) - 80) / (high - low)).min())
     picture = np.full((size[1], size[0], 3), 255, np.uint8)
-    for observed in boards:
-        _draw_board_lines(picture, observed, lambda xy: (xy - low) * scale + 40.0)
-    text = f"{len(boards)} boards in the virtual plane; mean collinearity error {evaluation.pooled.ce * 1e4:.2f}e-4"
+    for observed, colour in zip(boards, COLOURS, strict=False):
+        _draw_board_lines(picture, observed, colour, lambda xy: (xy - low) * scale + 40.0)
+    counted, error = len(evaluation.observed), evaluation.pooled.ce * 1e4
+    text = f"{len(boards)} of {counted} boards in the virtual plane; CE of all {error:.2f}e-4"
     return _captioned(picture, text)
 
 
 def _draw_board_lines(
-    picture: NDArray[Any], observed: ObservedBoard, place: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    picture: NDArray[Any],
+    observed: ObservedBoard,
+    colour: tuple[int, int, int],
+    place: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> None:
     for line in board_lines(observed.board.lattice, place(observed.board.xy)):
         centre = line.mean(axis=0)
@@ -204,4 +209,4 @@ def _draw_board_lines(
         ends = centre + np.outer((line[[0, -1]] - centre) @ direction, direction)
         _polyline(picture, ends, (200, 200, 200), 1)
     for x, y in place(observed.board.xy):
-        cv2.circle(picture, (round(x * 16), round(y * 16)), 40, RED, -1, cv2.LINE_AA, shift=4)
+        cv2.circle(picture, (round(x * 16), round(y * 16)), 56, colour, -1, cv2.LINE_AA, shift=4)

@@ -6,7 +6,7 @@ import pytest
 from pinholify.board import Checkerboard
 from pinholify.detection import detect_files
 from pinholify.detection.files import unique_names
-from pinholify.errors import ImageError
+from pinholify.errors import BoardError, ImageError
 from pinholify.io.images import write_image
 
 BOARD = Checkerboard(8, 6)
@@ -52,3 +52,11 @@ def test_names_get_the_folders_they_need():
     assert unique_names(paths) == ["one/a.png", "x/two/a.png", "b.png", "y/two/a.png"]
     with pytest.raises(ImageError, match="twice"):
         unique_names([Path("/x/a.png"), Path("/x/a.png")])
+
+
+def test_a_mistaken_size_is_said_even_where_some_images_seem_to_show_it(tmp_path: Path, board_image):
+    """Two images of a larger board against one that fits: the size given is wrong for the photographs."""
+    for name, columns in (("a", 9), ("b", 9), ("c", 7)):
+        write_image(tmp_path / f"{name}.png", board_image(columns, 6)[0])
+    with pytest.raises(BoardError, match="2 of 3 images show another board than 7x6"):
+        detect_files([tmp_path / f"{name}.png" for name in "abc"], Checkerboard(7, 6))

@@ -96,3 +96,12 @@ def test_opencv_is_fitted_and_relocated(barrel_set, model):
 def test_opencv_that_cannot_be_fitted_is_none(barrel_set):
     one = [BoardPoints(np.zeros((4, 2)), np.zeros((4, 2)))]
     assert fit_opencv("opencv8", one, barrel_set.image_size) is None
+
+
+def test_photographs_the_camera_was_not_made_from_are_scored_with_it_as_it_is(barrel_calibration):
+    """No calibration is made anew: the camera and OpenCV's models, trained on its photographs, meet new ones."""
+    fresh = corner_set(squeeze=0.15, seed=7)
+    evaluation = evaluate(barrel_calibration, fresh)
+    floor = 0.1 * np.sqrt(2)
+    assert evaluation.heldout_px == pytest.approx(floor, rel=0.1)
+    assert evaluation.opencv["opencv8"].heldout_px == pytest.approx(floor, rel=0.15)

@@ -44,6 +44,12 @@ def test_a_board_that_looks_wrong_is_named(barrel_set, barrel_calibration):
     assert verdict.level == "fair"
 
 
+def test_what_was_not_asked_for_is_not_held_against_a_camera(barrel_set, barrel_calibration):
+    verdict = judge(evaluate(barrel_calibration, barrel_set, compare_opencv=False), barrel_set)
+    assert verdict.level != "poor"
+    assert "not asked for" in verdict.sentence
+
+
 def test_a_camera_of_another_lens_is_poor(barrel_calibration):
     verdict = judged(barrel_calibration, corner_set(squeeze=0.15, noise=2.0, seed=3))
     assert verdict.level == "poor"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinholify.cli.options import board_option, check_output, examples, force_option, json_option, print_json
+from pinholify.cli.options import board_option, check_output, examples, force_option, json_option, print_json, say
 from pinholify.cli.sources import detect_with_progress, input_files, is_corner_table
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -45,6 +45,7 @@ def command(
     corners = detect_with_progress(files, board, mirrored, workers=workers)
     if output != "-":
         write_corner_table(output, corners)
+        say(f"wrote {output}: boards in {len(corners.found)} of {len(corners.views)} images")
     elif not as_json:
         write_corner_table(sys.stdout, corners)
     if as_json:

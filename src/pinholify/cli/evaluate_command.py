@@ -24,7 +24,9 @@ def command(
 ) -> None:
     """Score CAMERA on photographs of its board (IMAGES: files or folders) or on a corner table.
 
-    The board, its handedness and the size of the images are the camera's.
+    Photographs that the camera was not made from are scored with it as it is, only their boards' poses are fitted; on
+    its own photographs half of the boards calibrate anew and the others are scored. The board, its handedness and the
+    size of the images are the camera's.
     """
     from pinholify.cli.report import print_evaluation, to_json
     from pinholify.errors import CalibrationError, ImageError
@@ -46,7 +48,7 @@ def command(
         calibrate,
         method=calibration.method,
         kernel=calibration.kernel,
-        trend=calibration.trend,
+        trend=calibration.trend if calibration.method == "one-image" else "auto",
         mirrored=mirrored,
     )
     with solving():

@@ -46,6 +46,8 @@ def command(camera: Path, points: str, target: str, output: str, force: bool) ->
     known = np.isfinite(rows).all(axis=1)
     answer[known] = mapped(virtual_camera, rows[known], target)
     write_points(sys.stdout if output == "-" else output, COLUMNS[target], answer)
+    if output != "-":
+        say(f"wrote {output}")
     missing = int(np.isnan(answer[:, :2]).any(axis=1).sum())
     if missing:
         say(f"{missing} of {len(answer)} points have no answer (nan)")

@@ -65,7 +65,9 @@ def json_option(function: F) -> F:
 
 def force_option(function: F) -> F:
     """``--force``."""
-    return click.option("--force", is_flag=True, help="Replace files that are already there.")(function)
+    return click.option(
+        "--force", is_flag=True, help="Replace any file; an earlier result of the same kind is replaced anyway."
+    )(function)
 
 
 def print_json(data: dict[str, Any]) -> None:
@@ -112,7 +114,7 @@ def check_output(
     if any(os.path.exists(source) and path.samefile(source) for source in inputs):
         raise OutputError(f"'{path}' is one of the inputs; write to another file")
     if not force and path.stat().st_size and not is_ours(path):
-        raise OutputError(f"'{path}' is already there and is something else; choose another name, or say --force")
+        raise OutputError(f"'{path}' is already there; choose another name, or say --force")
 
 
 def examples(*lines: str) -> str:

@@ -16,7 +16,8 @@ from pathlib import Path
 from pinholify.board import Board
 from pinholify.corners import Corners, CornerSet, not_found
 from pinholify.detection.detect import detect_board
-from pinholify.errors import ImageError
+from pinholify.detection.placement import LARGER
+from pinholify.errors import BoardError, ImageError
 from pinholify.io.images import read_image
 
 
@@ -43,7 +44,7 @@ def detect_files(
 
     ``on_result`` is called with each image's corners as they arrive, in order. A file that cannot be read is
     a view without corners and a reason. Raises ImageError where no file can be read, where files differ in
-    size, and where one file is named twice.
+    size, and where one file is named twice, BoardError where the images show a larger board.
     """
     if not paths:
         raise ImageError("no images were given; give image files or a folder of images")
@@ -55,7 +56,19 @@ def detect_files(
         seen.append(result)
         if on_result is not None:
             on_result(result.corners)
-    return CornerSet(board, _common_size(seen), tuple(result.corners for result in seen))
+    views = tuple(result.corners for result in seen)
+    _check_size_of_board(views, board)
+    return CornerSet(board, _common_size(seen), views)
+
+
+def _check_size_of_board(views: Sequence[Corners], board: Board) -> None:
+    """Raise BoardError where as many images show a larger board as seem to show ``board``: its size was mistaken."""
+    larger = [view for view in views if LARGER in view.reason]
+    if 0 < sum(view.found for view in views) <= len(larger):
+        raise BoardError(
+            f"{len(larger)} of {len(views)} images show another board than {board.spec} (in '{larger[0].name}' "
+            f"{larger[0].reason}): give the size of the board in the photographs, its inner corners, columns x rows"
+        )
 
 
 def unique_names(paths: Sequence[Path]) -> list[str]:

@@ -21,6 +21,7 @@ from pinholify.detection.prediction import predict
 from pinholify.detection.saddle import sample
 
 FEWEST_OF_PART = 12
+LARGER = "is larger than"
 """Corners below which a part of a board is not believed."""
 
 MARGIN = 1.2
@@ -57,7 +58,7 @@ def place(grey: Grey, lattice: Lattice, board: Board, *, name: str, mirrored: bo
         return _corners(chosen, board, name, assumed=assumed, ambiguous=False)
     fitting = [way for way in ways if way.extent[0] <= size[0] and way.extent[1] <= size[1]]
     if not fitting:
-        return not_found(name, f"a board of at least {_size(lattice)} corners is larger than {board.spec}")
+        return not_found(name, f"a board of at least {_size(lattice)} corners {LARGER} {board.spec}")
     if len(lattice) < FEWEST_OF_PART:
         return not_found(name, f"only {len(lattice)} corners of a board were found")
     placed = [places for way in fitting if (places := _shifts(way, board, ends(grey, way)))]

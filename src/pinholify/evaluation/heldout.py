@@ -44,6 +44,11 @@ def alternating_split(corner_set: CornerSet, views: Sequence[Corners]) -> Split:
     return _split(corner_set, train, [v for i, v in enumerate(ordered) if i and i % 2 == 0])
 
 
+def unseen_split(trained: CornerSet, views: Sequence[Corners]) -> Split:
+    """All boards of ``trained`` train, all of ``views`` are scored."""
+    return _split(trained, trained.found, views)
+
+
 def folds(corner_set: CornerSet, views: Sequence[Corners], count: int) -> list[Split]:
     """``count`` splits over boards; the largest board always trains, every other one is tested once."""
     if not views:

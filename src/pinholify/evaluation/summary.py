@@ -19,6 +19,7 @@ from pinholify.evaluation.heldout import (
     folds,
     heldout_rms,
     opencv_residuals,
+    unseen_split,
 )
 from pinholify.evaluation.measures import (
     PinholeLines,
@@ -32,6 +33,8 @@ from pinholify.evaluation.measures import (
 )
 
 FOLDS = 5
+NOT_ASKED = "not asked for"
+NO_BOARD_LOCATED = "no board shows enough corners where the camera was calibrated"
 
 Recalibrate = Callable[[CornerSet, str], Calibration]
 """Calibrate a set of corners again with the named reference, in the way the camera was."""
@@ -76,7 +79,8 @@ class Evaluation:
     """All measures of a calibration on a set of corners.
 
     ``pooled`` counts all boards, ``pooled_without_reference`` leaves out the reference, which the map was fitted to.
-    ``heldout_px`` trains anew on half the boards; ``kfold_px`` on all but a fifth, where asked for.
+    ``heldout_px`` trains anew on half the boards, or, on photographs the camera was not made from, takes it as it is
+    (OpenCV's models then train on the camera's own photographs); ``kfold_px`` on all but a fifth, where asked for.
     """
 
     calibration: Calibration
@@ -110,8 +114,12 @@ def evaluate(
         )
     lines = pinhole_lines(calibration.camera, list(observed.values()))
     views = [v for v in corner_set.views if v.name in observed]
-    split = alternating_split(corner_set, views)
-    heldout, reason = _heldout(recalibrate, corner_set, [split]) if recalibrate else (None, "not asked for")
+    if unseen(calibration, corner_set):
+        split = unseen_split(calibration.corner_set, corner_set.found)
+        heldout, reason = heldout_rms(camera_residuals(calibration), split.test), NO_BOARD_LOCATED
+    else:
+        split = alternating_split(corner_set, views)
+        heldout, reason = _heldout(recalibrate, corner_set, [split]) if recalibrate else (None, NOT_ASKED)
     kfold_px = _heldout(recalibrate, corner_set, folds(corner_set, views, FOLDS))[0] if recalibrate and kfold else None
     opencv = _opencv(corner_set, mapped, split) if compare_opencv else {}
     others = {name: o for name, o in observed.items() if name != calibration.reference}
@@ -124,9 +132,17 @@ def evaluate(
         None if lines is None else float(lines.distances.mean()),
         lines,
         heldout,
-        reason,
+        reason if heldout is None else "",
         kfold_px,
         opencv,
+    )
+
+
+def unseen(calibration: Calibration, corner_set: CornerSet) -> bool:
+    """Whether the calibration was made from none of these views."""
+    known = {view.name: view for view in calibration.corner_set.found}
+    return not any(
+        view.name in known and np.array_equal(view.uv, known[view.name].uv) for view in corner_set.found
     )
 
 

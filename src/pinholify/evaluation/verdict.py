@@ -10,7 +10,7 @@ import numpy as np
 from pinholify.arrays import Bools, Floats
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
-from pinholify.evaluation.summary import Evaluation
+from pinholify.evaluation.summary import NOT_ASKED, Evaluation
 from pinholify.refinement.diagnosis import (
     BoardSuspicion,
     NextBoard,
@@ -64,7 +64,7 @@ def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
     covered = coverage(camera)
     advice = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
     level, reasons = _level(evaluation, covered, structure, suspicious)
-    sentence = f"{level.capitalize()}: {_held_out(evaluation)}, f is known to {_focal(evaluation):.2%}"
+    sentence = f"{level.capitalize()}: {_held_out(evaluation)}, f is known to {100 * _focal(evaluation):.2g} %"
     sentence += "".join(f"; {reason}" for reason in reasons)
     if advice is not None:
         sentence += f"; to gain most, photograph the board {place(advice, camera.image_size)}"
@@ -111,7 +111,9 @@ def _level(
 ) -> tuple[str, list[str]]:
     floor = np.sqrt(2.0) * evaluation.calibration.camera.noise_px
     heldout = evaluation.heldout_px
-    poor = heldout is None or heldout > max(POOR_PX, POOR_RATIO * floor) or not _focal(evaluation) < POOR_FOCAL
+    unknown = heldout is None and evaluation.heldout_reason != NOT_ASKED
+    wrong = heldout is not None and heldout > max(POOR_PX, POOR_RATIO * floor)
+    poor = unknown or wrong or not _focal(evaluation) < POOR_FOCAL
     reasons = []
     if heldout is not None and heldout > FAIR_RATIO * floor:
         reasons.append(f"its corners' noise alone would leave {floor:.2f} px")
@@ -127,7 +129,7 @@ def _level(
 
 def _held_out(evaluation: Evaluation) -> str:
     if evaluation.heldout_px is None:
-        return f"no held-out error is known ({evaluation.heldout_reason or 'not asked for'})"
+        return f"no held-out error is known ({evaluation.heldout_reason})"
     return f"photographs it has not seen are off by {evaluation.heldout_px:.2f} px"
 
 

@@ -127,7 +127,7 @@ def _check_complete(path: Path, picture: Any) -> None:
 
 
 def _too_large(path: Path, pixels: int | None, max_pixels: int) -> ImageError:
-    found = "far more pixels" if pixels is None else f"{pixels / 1e6:.0f} megapixels"
+    found = "more than 178 megapixels" if pixels is None else f"{pixels / 1e6:.0f} megapixels"
     return ImageError(
         f"'{path}' has {found} where at most {max_pixels / 1e6:.0f} megapixels are read; give a smaller image"
     )

@@ -15,6 +15,7 @@ from pinholify.rectification.views import SAMPLES, View, image_samples
 
 Image = NDArray[np.generic]
 
+FILLS = 5
 MARGIN = 0.05  # of the image: how far outside it a map is still followed, so that no node misses its border
 
 
@@ -85,8 +86,8 @@ def splat(image: Image, camera: VirtualCamera, view: View, *, max_std: float | N
 
 
 def _fill_holes(image: Image, filled: Bools) -> Image:
-    """Every empty pixel with at least three filled ones around it gets their median, channel by channel, twice."""
-    for _ in range(2):
+    """Every empty pixel with at least three filled ones around it gets their median, by channel, a few times."""
+    for _ in range(FILLS):
         padded = np.pad(filled, 1)
         windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
         holes = ~filled & (windows.sum(axis=(2, 3)) >= 3)
