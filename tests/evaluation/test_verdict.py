@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pinholify.evaluation.summary import evaluate
-from pinholify.evaluation.verdict import coverage, judge, place
+from pinholify.evaluation.verdict import coverage, judge, noise_floor, place
 from pinholify.geometry import Pose
 from pinholify.pipeline import calibrate
 from pinholify.refinement.diagnosis import NextBoard
@@ -30,6 +30,14 @@ def test_a_good_camera_is_said_to_be_good_or_thinly_covered(barrel_set, barrel_c
     assert verdict.structure.p_value > 1e-3
     assert not verdict.suspicious
     assert verdict.coverage == pytest.approx(coverage(barrel_calibration.camera))
+
+
+def test_the_noise_floor_counts_the_corners_weights(barrel_set, barrel_calibration):
+    evaluation = evaluate(barrel_calibration, barrel_set, compare_opencv=False)
+    halved = barrel_set.with_views([dataclasses.replace(v, weights=v.weights / 2) for v in barrel_set.views])
+    floor = noise_floor(evaluation, barrel_set)
+    assert floor == pytest.approx(np.sqrt(2) * barrel_calibration.camera.noise_px)
+    assert noise_floor(evaluation, halved) == pytest.approx(2 * floor)
 
 
 def test_a_board_that_looks_wrong_is_named(barrel_set, barrel_calibration):

@@ -63,7 +63,7 @@ def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
     suspicious = tuple(s for s in suspicious_boards(seen, corner_set) if s.ratio > WRONG_RATIO)
     covered = coverage(camera)
     advice = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
-    level, reasons = _level(evaluation, covered, structure, suspicious)
+    level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, structure, suspicious)
     sentence = f"{level.capitalize()}: {_held_out(evaluation)}, f is known to {100 * _focal(evaluation):.2g} %"
     sentence += "".join(f"; {reason}" for reason in reasons)
     if advice is not None:
@@ -89,6 +89,12 @@ def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
     return Residuals(residuals, inliers, max([noise, float(np.median(typical))]) if typical else noise)
 
 
+def noise_floor(evaluation: Evaluation, corner_set: CornerSet) -> float:
+    """What the corners' noise alone leaves, px a point: √2 times the std of a corner of typical weight."""
+    weights = np.concatenate([view.weights for view in corner_set.found])
+    return float(np.sqrt(2.0 * (weights**-2.0).mean()) * evaluation.calibration.camera.noise_px)
+
+
 def coverage(camera: VirtualCamera) -> float:
     """The share of the image where ``camera`` may be believed."""
     u, v = (np.linspace(0.0, extent - 1.0, GRID) for extent in camera.image_size)
@@ -107,9 +113,12 @@ def place(advice: NextBoard, image_size: tuple[int, int]) -> str:
 
 
 def _level(
-    evaluation: Evaluation, covered: float, structure: Structure, suspicious: tuple[BoardSuspicion, ...]
+    evaluation: Evaluation,
+    floor: float,
+    covered: float,
+    structure: Structure,
+    suspicious: tuple[BoardSuspicion, ...],
 ) -> tuple[str, list[str]]:
-    floor = np.sqrt(2.0) * evaluation.calibration.camera.noise_px
     heldout = evaluation.heldout_px
     unknown = heldout is None and evaluation.heldout_reason != NOT_ASKED
     wrong = heldout is not None and heldout > max(POOR_PX, POOR_RATIO * floor)
