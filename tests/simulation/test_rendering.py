@@ -146,6 +146,8 @@ def test_a_charuco_board_as_a_picture() -> None:
     pose = board_poses([lens], board, 1, seed=5, margin=0.07)[0]
     image = photograph(render(pixel_rays(lens), Scene((Plane(pose, picture),), plain(1.0))), Sensor(blur=0.7))
     found, ids, *_ = cv2.aruco.CharucoDetector(target).detectBoard(image)
+    # OpenCV 4 reports ChArUco corners half a pixel off; its refinement of single corners does not in any version.
+    found = cv2.cornerSubPix(image, found - (0.5 if cv2.__version__ < "5" else 0.0), (5, 5), (-1, -1), (3, 60, 1e-4))
     truth = true_corners(lens, board, pose)[ids.ravel()]
     assert len(ids) == (columns - 1) * (rows - 1)
     assert np.abs((found.reshape(-1, 2) - truth).mean(axis=0)).max() < 0.02
