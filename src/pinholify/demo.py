@@ -16,13 +16,12 @@ from pinholify.calibration.observation import ObservedBoard
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
 from pinholify.detection import detect_files
-from pinholify.errors import OutputError
 from pinholify.evaluation.measures import board_lines
 from pinholify.evaluation.summary import Evaluation, evaluate
 from pinholify.evaluation.verdict import Verdict, judge
 from pinholify.io.camera_file import write_camera
 from pinholify.io.corner_tables import write_corner_table
-from pinholify.io.files import writing_text
+from pinholify.io.files import make_folder, writing_text
 from pinholify.io.images import read_image, write_image
 from pinholify.pipeline import calibrate
 from pinholify.rectification.maps import Image
@@ -65,7 +64,7 @@ def run_demo(folder: Path, step: Callable[[str], object] = lambda _: None) -> De
 
     Raises OutputError where the folder cannot be written.
     """
-    photographs = _make_folder(folder / "photographs")
+    photographs = make_folder(folder / "photographs")
     with writing_text(folder / ABOUT) as file:
         file.write(ABOUT_TEXT)
     step(f"Rendering {DEMO.views} photographs of a board, and a street, through {DEMO.title.lower()}")
@@ -91,14 +90,6 @@ def run_demo(folder: Path, step: Callable[[str], object] = lambda _: None) -> De
     with writing_text(folder / "numbers.json") as file:
         json.dump(_numbers(evaluation, error), file, indent=2)
     return Demo(folder, evaluation, judge(evaluation, corners), error)
-
-
-def _make_folder(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"the folder '{folder}' cannot be made: {error.strerror}; choose another with -o") from None
-    return folder
 
 
 def _intrinsics_error(calibration: Calibration) -> float:

@@ -45,13 +45,12 @@ def write_dataset(dataset: Dataset, folder: Path, count: int, advance: Callable[
     """One data set into its own folder."""
     import numpy as np
 
-    from pinholify.cli.undistort_command import prepare_folder
     from pinholify.corners import Corners, CornerSet
     from pinholify.io.corner_tables import write_corner_table
-    from pinholify.io.files import atomic_path
+    from pinholify.io.files import atomic_path, make_folder
     from pinholify.io.images import write_image
 
-    prepare_folder(folder)
+    make_folder(folder)
     views = []
     for picture in dataset.photographs(count):
         name = f"{picture.name}.png"

@@ -61,7 +61,7 @@ def command(
     are done; the exit status is then 1.
     """
     from pinholify.io.camera_file import read_camera
-    from pinholify.io.files import check_writable
+    from pinholify.io.files import check_writable, make_folder
     from pinholify.io.images import image_paths
     from pinholify.rectification.straightener import Straightener
 
@@ -69,7 +69,7 @@ def command(
     targets = [output_path(folder, path) for path in paths]
     check_targets(paths, targets, force)
     straighten = Straightener(read_camera(camera).camera, view, size=size, method=method, max_std=max_std)
-    prepare_folder(folder)
+    make_folder(folder)
     for target in targets:
         check_writable(target)
     failures: dict[str, str] = {}
@@ -114,14 +114,6 @@ def check_targets(paths: list[Path], targets: list[Path], force: bool) -> None:
     there = [t for t in targets if t.exists()]
     if there and not force:
         raise OutputError(f"'{there[0]}' is already there ({len(there)} in all); choose another folder, or say --force")
-
-
-def prepare_folder(folder: Path) -> None:
-    """Make the folder if it is not there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"the folder '{folder}' cannot be made: {error.strerror}; choose another") from None
 
 
 def straighten_file(straighten: Straightener, path: Path, target: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinholify.calibration.observation import MappedBoard, ObservedBoard, observe
 from pinholify.calibration.result import Calibration
-from pinholify.corners import Corners, CornerSet
+from pinholify.corners import CornerSet
 from pinholify.errors import CalibrationError, PinholifyError
 from pinholify.evaluation.baseline import MODELS, BoardPoints, fit_opencv
 from pinholify.evaluation.heldout import (
@@ -218,8 +218,3 @@ def _opencv_score(model: str, boards: list[BoardPoints], corner_set: CornerSet, 
             )
     trained = opencv_residuals(model, split, corner_set) if split.test else None
     return OpenCVScore(insample, percent, heldout_rms(trained, split.test) if trained else None)
-
-
-def views_used(evaluation: Evaluation, corner_set: CornerSet) -> list[Corners]:
-    """The views whose boards count."""
-    return [v for v in corner_set.views if v.name in evaluation.observed]

@@ -71,6 +71,15 @@ def _writable(path: Path) -> Path:
     return final
 
 
+def make_folder(folder: Path) -> Path:
+    """``folder``, made with its parents where it is not there; raises OutputError where it cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"the folder '{folder}' cannot be made: {error.strerror}; choose another with -o") from None
+    return folder
+
+
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise OutputError where :func:`atomic_path` would, before the work whose result is to be written."""
     with suppress(_Unused), atomic_path(path):

@@ -8,8 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pinholify import __version__
-from pinholify.errors import OutputError
-from pinholify.io.files import writing_text
+from pinholify.io.files import make_folder, writing_text
 from pinholify.io.images import write_image
 from pinholify.simulation.datasets import Dataset
 
@@ -46,15 +45,6 @@ def render_photographs(dataset: Dataset, files: list[Path], advance: Callable[[]
         advance()
     with writing_text(record) as file:
         json.dump({"version": __version__, "recipe": _recipe(dataset), "views": len(files)}, file)
-
-
-def make_folder(folder: Path) -> Path:
-    """The folder, made where it is not there; raises OutputError where it cannot be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"the folder '{folder}' cannot be made: {error.strerror}; choose another with -o") from None
-    return folder
 
 
 def _recipe(dataset: Dataset) -> str:

@@ -12,12 +12,11 @@ from typing import Any
 
 from pinholify.io.camera_file import write_camera
 from pinholify.io.corner_tables import write_corner_table
-from pinholify.io.files import writing_text
+from pinholify.io.files import make_folder, writing_text
 from pinholify.reproduction.chain import Reproduced, Watch, reproduce_dataset
 from pinholify.reproduction.figures import require_matplotlib, write_images_figure, write_pinhole_figure
 from pinholify.reproduction.numbers import all_numbers
 from pinholify.reproduction.page import html_page, markdown_page
-from pinholify.reproduction.photographs import make_folder
 from pinholify.reproduction.pictures import picture_row
 from pinholify.simulation.datasets import DATASETS, Dataset, reduced
 
