@@ -55,6 +55,14 @@ def test_degenerate_sets_are_refused(turns, noise):
         simplified_zhang(boards, PLANE)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_homographies_that_contradict_each_other_are_refused(seed):
+    """No K fits them: the fourth singular value is as large as the third."""
+    rng = np.random.default_rng(seed)
+    with pytest.raises(DegenerateError, match="stand out"):
+        simplified_zhang(rng.normal(size=(6, 3, 3)), np.eye(3))
+
+
 def test_two_groups_neither_parallel_to_the_reference_are_enough():
     closed = simplified_zhang(stack((25, -10, 0), (25, -10, 0), (-15, 20, 0), (-15, 20, 0)), PLANE)
     assert closed.intrinsics.f == pytest.approx(5.0, rel=1e-9)

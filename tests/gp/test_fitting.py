@@ -87,6 +87,15 @@ def test_a_doubted_corner_counts_less():
     assert error_px(fit_map(uv, LATTICE, trend="lens:3"), inside_points()) > 0.1
 
 
+@pytest.mark.parametrize("trend", ["constant", "lens:3"])
+def test_the_response_to_new_noise_is_that_of_fitting_anew(trend):
+    uv = barrel(inside_points())
+    anew = np.array([fit_map(noisy(seed), LATTICE, trend=trend).map.value(uv) for seed in range(30)])
+    response = fit_map(noisy(99), LATTICE, trend=trend).map.noise_response(uv, 400, np.random.default_rng(0))
+    ratio = np.sqrt((response.std(axis=0) ** 2).mean() / (anew.std(axis=0, ddof=1) ** 2).mean())
+    assert ratio == pytest.approx(1.0, rel=0.3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("trend", "bumps"), [("lens:3", 0.0), ("lens:3", 1.0)])
 def test_the_predicted_uncertainty_is_the_sampled_one(trend, bumps):
