@@ -1,8 +1,11 @@
 """The virtual camera: there and back, standard deviations, and where to believe it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from pinholify.camera import Domain
 from pinholify.pipeline import calibrate
 from synthetic import CENTRE, FOCAL, TRUE_F, corner_set, project
 
@@ -46,6 +49,15 @@ def test_the_std_grows_outside_the_reference_board(barrel_calibration):
     at = camera.to_rays(np.array([CENTRE, [3.0, 3.0]])).std_px
     assert at[1] > 5 * at[0]
     assert camera.inside(np.array([CENTRE, [3.0, 3.0]])).tolist() == [True, False]
+
+
+def test_a_limit_on_the_std_narrows_the_domain(barrel_calibration):
+    camera = barrel_calibration.camera
+    uv = pixels()
+    std = camera.shape_std(uv)
+    limited = replace(camera, domain=Domain(camera.domain.hull, float(np.median(std))))
+    np.testing.assert_array_equal(limited.inside(uv), camera.inside(uv) & (std <= np.median(std)))
+    assert 0.3 < limited.inside(uv).mean() < 0.7
 
 
 def test_what_cannot_be_seen_is_nan(barrel_calibration):

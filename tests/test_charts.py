@@ -11,7 +11,7 @@ CHARTS = [PlaneChart(Intrinsics(4.0, 7.0, 4.0)), AngleChart(Rotation.from_rotvec
 
 def coordinates():
     q = np.random.default_rng(0).normal(size=(40, 2))
-    q[:3] = [[0, 0], [1e-7, 0], [2e-4, -1e-4]]
+    q[:4] = [[0, 0], [1e-7, 0], [2e-4, -1e-4], [7e-4, 6e-4]]
     return q
 
 

@@ -23,6 +23,23 @@ def test_an_expansion_is_exact_within_its_tolerance():
     assert np.abs(error).max() < 0.002
 
 
+def test_an_expansion_divides_what_one_polynomial_cannot_follow():
+    def wavy(p):
+        return p + 5 * np.sin(p[:, ::-1] / 12.0)
+
+    out = expand(wavy, (700, 400), tolerance=0.001)
+    grid = np.stack(np.meshgrid(np.arange(700.0), np.arange(400.0)), -1)
+    assert np.abs(out - wavy(grid.reshape(-1, 2)).reshape(grid.shape)).max() < 0.002
+
+
+def test_what_may_not_be_believed_is_black(barrel_calibration):
+    straighten = Straightener(barrel_calibration.camera, "camera", size=(480, 300))
+    valid = rectification_map(barrel_calibration.camera, straighten.view).valid
+    out = straighten(np.full((SIZE[1], SIZE[0]), 200, np.uint8))
+    assert 0.02 < (~valid).mean() < 0.5
+    np.testing.assert_array_equal(out > 0, valid)
+
+
 def test_an_expansion_goes_around_what_has_no_answer():
     def half(p):
         return np.where((p[:, :1] + p[:, 1:] < 300), p, np.nan)
