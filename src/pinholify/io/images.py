@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -61,38 +62,44 @@ def read_image(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Image:
     the camera is turned. Raises ImageError for a file that is missing, empty, cut short, no image, or of more
     than ``max_pixels``.
     """
+    return decode_image(read_bytes(path), str(path), max_pixels=max_pixels)
+
+
+def decode_image(data: bytes, name: str, *, max_pixels: int = MAX_PIXELS) -> Image:
+    """The image in the bytes ``data`` of a file called ``name``, as :func:`read_image` gives it.
+
+    Raises ImageError for what is empty, cut short, no image, or of more than ``max_pixels``.
+    """
     import cv2
 
-    path = Path(path)
-    data = _read_bytes(path)
-    _check_header(path, max_pixels)
+    if not data:
+        raise ImageError(f"'{name}' is empty; copy the image again")
+    _check_header(data, name, max_pixels)
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        image = cv2.imdecode(data, flags)
+        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error:
         image = None
     if image is None:
-        raise ImageError(f"'{path}' cannot be read as an image; give a photograph, e.g. in JPEG, PNG or TIFF")
+        raise ImageError(f"'{name}' cannot be read as an image; give a photograph, e.g. in JPEG, PNG or TIFF")
     if image.shape[0] * image.shape[1] > max_pixels:
-        raise _too_large(path, image.shape[0] * image.shape[1], max_pixels)
+        raise _too_large(name, image.shape[0] * image.shape[1], max_pixels)
     return np.asarray(image)
 
 
-def _read_bytes(path: Path) -> NDArray[np.uint8]:
+def read_bytes(path: str | Path) -> bytes:
+    """What the image file ``path`` holds; raises ImageError where it cannot be read."""
     try:
-        data = np.fromfile(path, dtype=np.uint8)
+        return Path(path).read_bytes()
     except IsADirectoryError:
         raise ImageError(f"'{path}' is a folder where an image is needed; name the files in it") from None
     except FileNotFoundError:
         raise ImageError(f"there is no file '{path}'; check the name") from None
     except OSError as error:
         raise ImageError(f"'{path}' cannot be read: {error.strerror or error}") from None
-    if not len(data):
-        raise ImageError(f"'{path}' is empty; copy the image again")
-    return data
 
 
-def _check_header(path: Path, max_pixels: int) -> None:
+def _check_header(data: bytes, name: str, max_pixels: int) -> None:
     """Refuses what would harm (too many pixels) or mislead: OpenCV fills the missing end of a file with grey.
 
     A format that Pillow does not know passes: OpenCV decides.
@@ -103,18 +110,18 @@ def _check_header(path: Path, max_pixels: int) -> None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            picture = PillowImage.open(path)
+            picture = PillowImage.open(BytesIO(data))
     except PillowImage.DecompressionBombError:
-        raise _too_large(path, None, max_pixels) from None
+        raise _too_large(name, None, max_pixels) from None
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
         return
     with picture:
         if picture.width * picture.height > max_pixels:
-            raise _too_large(path, picture.width * picture.height, max_pixels)
-        _check_complete(path, picture)
+            raise _too_large(name, picture.width * picture.height, max_pixels)
+        _check_complete(name, picture)
 
 
-def _check_complete(path: Path, picture: Any) -> None:
+def _check_complete(name: str, picture: Any) -> None:
     try:
         if picture.format == "JPEG":
             # An eighth of the size is decoded quickly, and still from all bytes of the file.
@@ -123,13 +130,13 @@ def _check_complete(path: Path, picture: Any) -> None:
         elif picture.format == "PNG":
             picture.verify()
     except (OSError, SyntaxError, ValueError):
-        raise ImageError(f"'{path}' is cut short or damaged; copy the image again") from None
+        raise ImageError(f"'{name}' is cut short or damaged; copy the image again") from None
 
 
-def _too_large(path: Path, pixels: int | None, max_pixels: int) -> ImageError:
+def _too_large(name: str, pixels: int | None, max_pixels: int) -> ImageError:
     found = "more than 178 megapixels" if pixels is None else f"{pixels / 1e6:.0f} megapixels"
     return ImageError(
-        f"'{path}' has {found} where at most {max_pixels / 1e6:.0f} megapixels are read; give a smaller image"
+        f"'{name}' has {found} where at most {max_pixels / 1e6:.0f} megapixels are read; give a smaller image"
     )
 
 
@@ -139,18 +146,26 @@ def write_image(path: str | Path, image: Image) -> None:
 
     Raises OutputError where the format or the place does not take it.
     """
+    data = encode_image(image, str(path))
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def encode_image(image: Image, name: str) -> bytes:
+    """``image`` (grey or BGR, uint8 or uint16) as the bytes of a file called ``name``, whose suffix says the format.
+
+    Raises OutputError where the format does not take it.
+    """
     import cv2
 
-    path = Path(path)
-    suffix = path.suffix.lower()
+    suffix = Path(name).suffix.lower()
     if image.dtype == np.uint16 and suffix in {".jpg", ".jpeg", ".jpe", ".webp", ".bmp"}:
-        raise OutputError(f"'{path}' cannot hold 16 bits a channel; write PNG or TIFF instead")
+        raise OutputError(f"'{name}' cannot hold 16 bits a channel; write PNG or TIFF instead")
     options = [cv2.IMWRITE_JPEG_QUALITY, 97] if suffix in {".jpg", ".jpeg", ".jpe"} else []
     try:
         encoded, data = cv2.imencode(suffix, image, options)
     except cv2.error:
         encoded = False
     if not encoded:
-        raise OutputError(f"'{path}' cannot be written as an image: '{suffix}' is no format for it; try .png")
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(data.tobytes())
+        raise OutputError(f"'{name}' cannot be written as an image: '{suffix}' is no format for it; try .png")
+    return bytes(data)
