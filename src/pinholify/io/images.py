@@ -40,18 +40,18 @@ def image_paths(arguments: Iterable[str | Path]) -> list[Path]:
         if not argument.is_dir():
             paths.append(argument)
             continue
-        inside = sorted((p for p in argument.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES), key=_natural)
+        inside = [path for path in argument.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES]
         if not inside:
             raise ImageError(f"the folder '{argument}' holds no images; give one that does, or image files")
-        paths += inside
+        paths += sorted(inside, key=lambda path: natural_order(path.name))
     if not paths:
         raise ImageError("no images were given; give image files or a folder of images")
     return paths
 
 
-def _natural(path: Path) -> list[tuple[int, str]]:
+def natural_order(name: str) -> list[tuple[int, str]]:
     """Sorts image2 before image10."""
-    parts = re.split(r"(\d+)", path.name.lower())
+    parts = re.split(r"(\d+)", name.lower())
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
