@@ -1,7 +1,8 @@
 """Calibration boards: what is printed on them, and where their points lie.
 
-Lattice coordinates are in squares: x to the right along a row, y down, row-major ids with x fastest
-(id = row · columns + column). A new kind of board is one class here or beside, and one line in ``BOARD_KINDS``.
+Lattice coordinates are in squares (the sides of an AprilGrid's tags, the spacings of a circle grid): x to the right
+along a row, y down, row-major ids with x fastest (id = row · columns + column). A new kind of board is one class here
+or beside, and one line in ``BOARD_KINDS``.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pinholify.errors import BoardError
 
 @runtime_checkable
 class Board(Protocol):
-    """A flat target whose points lie on a square lattice."""
+    """A flat target whose points lie in straight rows and columns."""
 
     @property
     def columns(self) -> int:
@@ -39,6 +40,10 @@ class Board(Protocol):
     @property
     def orientable(self) -> bool:
         """Whether a picture tells the board from the same board turned by 180°."""
+        ...
+
+    def places(self, column: Ints, row: Ints) -> Floats:
+        """Lattice coordinates (n, 2) float64 of the points in ``column`` (n,) and ``row`` (n,)."""
         ...
 
 
@@ -67,6 +72,10 @@ class Checkerboard:
     def orientable(self) -> bool:
         """True where colour fixes the orientation: columns + rows is odd."""
         return (self.columns + self.rows) % 2 == 1
+
+    def places(self, column: Ints, row: Ints) -> Floats:
+        """Corners one square apart."""
+        return _square_lattice(column, row)
 
 
 MARKERS: dict[str, int] = {
@@ -118,6 +127,125 @@ class Charuco:
         """Always: each marker is known by itself."""
         return True
 
+    def places(self, column: Ints, row: Ints) -> Floats:
+        """Corners one square apart."""
+        return _square_lattice(column, row)
+
+
+FAMILIES: dict[str, str] = {
+    "tag16h5": "DICT_APRILTAG_16h5",
+    "tag25h9": "DICT_APRILTAG_25h9",
+    "tag36h10": "DICT_APRILTAG_36h10",
+    "tag36h11": "DICT_APRILTAG_36h11",
+}
+"""AprilTag's names of its families, and OpenCV's of the same markers."""
+
+
+@dataclass(frozen=True, slots=True)
+class AprilGrid:
+    """A grid of AprilTags as Kalibr prints it: ``across`` × ``down`` tags and black squares between their corners.
+
+    ``family`` is one of ``FAMILIES``; ``gap`` is the white between two tags ÷ a tag's side, which is the unit of
+    length. Tag 0 is at the bottom left, as in Kalibr; the corners are numbered as on every board, from the top left:
+    2·across columns and 2·down rows of them. Raises BoardError below 2×2 tags, for an unknown or too small family, and
+    for a gap outside 0 … 1.
+    """
+
+    across: int
+    down: int
+    family: str
+    gap: float
+
+    def __post_init__(self) -> None:
+        if min(self.across, self.down) < 2:
+            raise BoardError(f"an AprilGrid of {self.across}x{self.down} tags was asked for; at least 2x2 are needed")
+        if self.family not in FAMILIES:
+            raise BoardError(f"'{self.family}' is no family of AprilTags; these are: {', '.join(FAMILIES)}")
+        needed, known = self.across * self.down, MARKERS[FAMILIES[self.family]]
+        if needed > known:
+            raise BoardError(
+                f"the board needs {needed} tags, but {self.family} has only {known}; name a larger family or a "
+                "smaller board"
+            )
+        if not 0.0 < self.gap <= 1.0:
+            raise BoardError(f"a gap of {self.gap:g} of a tag was asked for; it must be above 0 and at most 1")
+
+    @property
+    def columns(self) -> int:
+        """Two for each tag."""
+        return 2 * self.across
+
+    @property
+    def rows(self) -> int:
+        """Two for each tag."""
+        return 2 * self.down
+
+    @property
+    def spec(self) -> str:
+        """``"aprilgrid:6x6:tag36h11:0.3"``, in tags."""
+        return f"aprilgrid:{self.across}x{self.down}:{self.family}:{self.gap:g}"
+
+    @property
+    def orientable(self) -> bool:
+        """Always: each tag is known by itself."""
+        return True
+
+    def places(self, column: Ints, row: Ints) -> Floats:
+        """Corners at the ends of tags."""
+        tag, end = np.divmod(np.stack([column, row], axis=-1), 2)
+        return np.asarray(tag * (1.0 + self.gap) + end)
+
+    def tag_number(self, column: Ints, row: Ints) -> Ints:
+        """Numbers of the tags in ``column`` and ``row`` of tags, the top row first: Kalibr counts from the bottom."""
+        return np.asarray((self.down - 1 - np.asarray(row)) * self.across + np.asarray(column))
+
+
+@dataclass(frozen=True, slots=True)
+class CircleGrid:
+    """A grid of ``columns`` × ``rows`` black discs; its points are their centres.
+
+    Where it is ``asymmetric`` the odd rows stand half way between the even ones, as in OpenCV: the unit of length is
+    then the distance between rows, and discs of one row are two units apart. ``diameter`` is a disc's, in units. Raises
+    BoardError below 3×3 discs and for discs that touch.
+    """
+
+    columns: int
+    rows: int
+    asymmetric: bool = False
+    diameter: float = 0.5
+
+    def __post_init__(self) -> None:
+        if min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 1000:
+            raise BoardError(
+                f"a grid of {self.columns}x{self.rows} circles was asked for; it must be between 3x3 and 1000x1000"
+            )
+        touching = np.sqrt(2.0) if self.asymmetric else 1.0
+        if not 0.0 < self.diameter < 0.9 * touching:
+            raise BoardError(
+                f"circles of {self.diameter:g} of their spacing were asked for; it must be above 0 and below "
+                f"{0.9 * touching:.2f}, so that they do not touch"
+            )
+
+    @property
+    def spec(self) -> str:
+        """``"circles:7x5"`` or ``"circles:4x11:asymmetric"``, with the diameter behind it unless that is 0.5."""
+        parts = ["circles", f"{self.columns}x{self.rows}"] + ["asymmetric"] * self.asymmetric
+        return ":".join(parts + [f"{self.diameter:g}"] * (self.diameter != 0.5))
+
+    @property
+    def orientable(self) -> bool:
+        """True for an asymmetric grid of an odd number of rows: a half turn moves its rows sideways."""
+        return self.asymmetric and self.rows % 2 == 1
+
+    def places(self, column: Ints, row: Ints) -> Floats:
+        """Centres of the discs."""
+        across = 2 * np.asarray(column) + np.asarray(row) % 2 if self.asymmetric else column
+        return _square_lattice(across, row)
+
+
+def _square_lattice(column: Ints, row: Ints) -> Floats:
+    return np.stack([column, row], axis=-1).astype(np.float64)
+
 
 def size(board: Board) -> int:
     """Number of lattice points of ``board``."""
@@ -132,7 +260,13 @@ def lattice(board: Board) -> Floats:
 def lattice_points(board: Board, ids: Ints) -> Floats:
     """Lattice coordinates of the points ``ids`` (n,) of ``board``: (n, 2) float64 in squares."""
     row, column = np.divmod(np.asarray(ids), board.columns)
-    return np.stack([column, row], axis=-1).astype(np.float64)
+    return board.places(column, row)
+
+
+def outline(board: Board) -> tuple[Floats, Floats]:
+    """The smallest and the largest lattice coordinates (2,) of the points of ``board``, in squares."""
+    points = lattice(board)
+    return points.min(axis=0), points.max(axis=0)
 
 
 def _checkerboard(text: str) -> Checkerboard:
@@ -154,7 +288,32 @@ def _charuco(text: str) -> Charuco:
     return Charuco(int(match[1]) - 1, int(match[2]) - 1, match[3], float(match[4]))
 
 
-BOARD_KINDS: dict[str, Callable[[str], Board]] = {"checkerboard": _checkerboard, "charuco": _charuco}
+def _aprilgrid(text: str) -> AprilGrid:
+    match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4}):(\w+):(\d*\.?\d+)", text)
+    if match is None:
+        raise BoardError(
+            f"'aprilgrid:{text}' is no board; write tags, their family, and gap ÷ tag side, for example "
+            "aprilgrid:6x6:tag36h11:0.3"
+        )
+    return AprilGrid(int(match[1]), int(match[2]), match[3], float(match[4]))
+
+
+def _circles(text: str) -> CircleGrid:
+    match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})(:asymmetric)?(?::(\d*\.?\d+))?", text)
+    if match is None:
+        raise BoardError(
+            f"'circles:{text}' is no board; write circles as columns x rows, for example circles:7x5 or "
+            "circles:4x11:asymmetric, and behind it their diameter ÷ spacing where that is not 0.5"
+        )
+    return CircleGrid(int(match[1]), int(match[2]), match[3] is not None, float(match[4] or 0.5))
+
+
+BOARD_KINDS: dict[str, Callable[[str], Board]] = {
+    "checkerboard": _checkerboard,
+    "charuco": _charuco,
+    "aprilgrid": _aprilgrid,
+    "circles": _circles,
+}
 """Readers of board descriptions by the word before the first colon; a bare size is a checkerboard."""
 
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from PIL import Image
 from reportlab.pdfbase.pdfmetrics import stringWidth
 
-from pinholify.board import BOARD_KINDS, Checkerboard, parse_board
+from pinholify.board import BOARD_KINDS, AprilGrid, Checkerboard, lattice, outline, parse_board
 from pinholify.detection import detect_board
 from pinholify.errors import BoardError, InputError, OutputError
-from pinholify.io.board_print import ARTWORKS, FOOTER, FORMATS, MARGIN, PAGES, lay_out, write_board
+from pinholify.io.board_print import ARTWORKS, FOOTER, FORMATS, MARGIN, PAGES, Disc, lay_out, write_board
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -211,14 +211,84 @@ def test_a_kind_of_board_that_has_no_drawing_is_refused():
 
 
 def test_every_kind_of_board_has_a_drawing():
-    examples = {"checkerboard": "5x4", "charuco": "charuco:6x5:DICT_4X4_50:0.7"}
+    examples = {
+        "checkerboard": "5x4",
+        "charuco": "charuco:6x5:DICT_4X4_50:0.7",
+        "aprilgrid": "aprilgrid:3x4:tag25h9:0.2",
+        "circles": "circles:4x5:asymmetric:0.7",
+    }
     assert examples.keys() == BOARD_KINDS.keys()
     for spec in examples.values():
         board = parse_board(spec)
         artwork = ARTWORKS[type(board)](board)
-        assert (artwork.columns, artwork.rows) >= (board.columns, board.rows)
-        assert all(0 <= r.x <= artwork.columns - r.width for r in artwork.black)
-        assert all(0 <= r.y <= artwork.rows - r.height for r in artwork.black)
+        _, last = outline(board)
+        assert (last + artwork.origin <= (artwork.columns, artwork.rows)).all()
+        for shape in artwork.black:
+            left, top, right, bottom = extent(shape)
+            assert -1e-9 < left < right < artwork.columns + 1e-9
+            assert -1e-9 < top < bottom < artwork.rows + 1e-9
+
+
+def extent(shape):
+    if isinstance(shape, Disc):
+        return shape.x - shape.radius, shape.y - shape.radius, shape.x + shape.radius, shape.y + shape.radius
+    return shape.x, shape.y, shape.x + shape.width, shape.y + shape.height
+
+
+def test_an_aprilgrid_is_kalibrs():
+    """Kalibr prints a tag's code from its highest bit on, row by row from the top, 1 as white; tag 0 bottom left."""
+    codes = {0: 0xD5D628584, 1: 0xD97F18B49, 2: 0xDD280910E, 3: 0xE479E9C98}
+    board = parse_board("aprilgrid:2x2:tag36h11:0.3")
+    drawn = np.zeros((29, 29), bool)  # ten cells a tag, three a gap
+    for r in ARTWORKS[AprilGrid](board).black:
+        x0, y0, x1, y1 = np.rint(10 * np.array(extent(r))).astype(int)
+        assert not drawn[y0:y1, x0:x1].any()
+        drawn[y0:y1, x0:x1] = True
+    for number, code in codes.items():
+        left, top = 3 + 13 * (number % 2), 3 + 13 * (1 - number // 2)
+        white = np.array([code >> (35 - k) & 1 for k in range(36)], bool).reshape(6, 6)
+        tag = drawn[top : top + 10, left : left + 10]
+        assert np.array_equal(~tag[2:8, 2:8], white)
+        assert tag[:2].all() and tag[8:].all() and tag[:, :2].all() and tag[:, 8:].all()
+    gaps = drawn[[1, 14, 27]]
+    squares = np.isin(np.arange(29), [0, 1, 2, 13, 14, 15, 26, 27, 28])
+    assert (gaps == squares).all()
+
+
+def svg_discs(path):
+    root = ElementTree.parse(path).getroot()
+    return np.array([[float(c.attrib[k]) for k in ("cx", "cy", "r")] for c in root.iter(f"{SVG}circle")])
+
+
+@pytest.mark.parametrize("spec", ["circles:7x5", "circles:4x11:asymmetric:0.8"])
+def test_circles_are_where_they_belong(tmp_path, spec):
+    board = parse_board(spec)
+    write_board(board, tmp_path / "b.svg", square_mm=12.5)
+    discs = svg_discs(tmp_path / "b.svg")
+    np.testing.assert_allclose(discs[:, 2], 12.5 * board.diameter / 2, atol=1e-6)
+    np.testing.assert_allclose(discs[:, :2] - discs[0, :2], 12.5 * lattice(board), atol=1e-6)
+
+
+@pytest.mark.parametrize("spec", ["circles:7x5", "circles:4x11:asymmetric"])
+def test_printed_circles_are_a_grid_for_opencv(tmp_path, spec):
+    """In the same order too: row by row, the odd rows of an asymmetric grid moved to the right."""
+    board = parse_board(spec)
+    write_board(board, tmp_path / "b.png", square_mm=17)
+    with Image.open(tmp_path / "b.png") as picture:
+        dpi = picture.info["dpi"][0]
+    image = cv2.resize(cv2.imread(str(tmp_path / "b.png")), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    kind = cv2.CALIB_CB_ASYMMETRIC_GRID if board.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
+    found, centres = cv2.findCirclesGrid(image, (board.columns, board.rows), flags=kind)
+    assert found
+    mm = (centres[:, 0] - centres[0, 0]) * 4 / dpi * 25.4
+    np.testing.assert_allclose(mm, 17 * lattice(board), atol=0.1)
+
+
+def test_a_pdf_holds_every_circle(tmp_path):
+    write_board(parse_board("circles:7x5"), tmp_path / "b.pdf", square_mm=20)
+    stream = re.search(rb"stream\r?\n(.*?~>)\s*endstream", (tmp_path / "b.pdf").read_bytes(), re.S)[1]
+    content = zlib.decompress(base64.a85decode(b"<~" + stream, adobe=True)).decode()
+    assert len(re.findall(r" c\s", content)) == 4 * 35  # four Bézier arcs each
 
 
 @pytest.mark.parametrize("spec", ["charuco:6x5:DICT_4X4_50:0.75", "charuco:9x7:DICT_5X5_100:0.7"])

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats, frozen
-from pinholify.board import lattice
+from pinholify.board import lattice as board_lattice
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
 from pinholify.corners import CornerSet
@@ -37,13 +38,13 @@ class Calibration:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "intrinsics_std", frozen(self.intrinsics_std, (3,)))
-        points = flat(lattice(self.corner_set.board)) if self.board_points is None else self.board_points
+        points = flat(board_lattice(self.corner_set.board)) if self.board_points is None else self.board_points
         object.__setattr__(self, "board_points", frozen(points, (None, 3)))
 
     def solid(self, lattice: Floats) -> Floats:
         """The board's points (n, 3) in squares for lattice coordinates ``lattice`` (n, 2)."""
-        column, row = np.rint(lattice).astype(np.int64).T
-        return np.asarray(self.board_points[row * self.corner_set.board.columns + column])
+        ids = cKDTree(board_lattice(self.corner_set.board)).query(lattice)[1]
+        return np.asarray(self.board_points[ids])
 
 
 def flat(lattice: Floats) -> Floats:

@@ -14,15 +14,28 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
 
 
-@click.command("board", epilog=examples("pinholify board 9x6 --square 25mm --page A4 -o board.pdf"))
+@click.command(
+    "board",
+    epilog=examples(
+        "pinholify board 9x6 --square 25mm --page A4 -o board.pdf",
+        "pinholify board charuco:9x7:DICT_4X4_100:0.5 --square 20mm",
+        "pinholify board aprilgrid:6x6:tag36h11:0.3 --square 20mm",
+        "pinholify board circles:4x11:asymmetric --square 17mm",
+    ),
+)
 @click.argument("board", type=options.board)
-@click.option("--square", "square_mm", type=options.length, required=True, help="Side of a square, e.g. 25mm.")
+@click.option("--square", "square_mm", type=options.length, required=True,
+              help="Side of a square or tag, or spacing of circles, e.g. 25mm.")
 @click.option("--page", default="A4", show_default=True, help="A0 to A5, Letter, Legal, Tabloid, or WxHmm.")
 @click.option("-o", "output", type=click.Path(path_type=Path), default="board.pdf", show_default=True,
               help="File to write; .pdf, .svg or .png.")
 @force_option
 def command(board: Board, square_mm: float, page: str, output: Path, force: bool) -> None:
-    """Print BOARD (inner corners, columns x rows) true to scale as PDF, SVG or PNG.
+    """Print BOARD true to scale as PDF, SVG or PNG.
+
+    A checkerboard is given as inner corners, columns x rows; a ChArUco board as squares, markers and marker side ÷
+    square side; an AprilGrid (Kalibr's) as tags, family and gap ÷ tag side; circles as columns x rows, with the rows
+    next to each other in an asymmetric grid one --square apart, and their diameter ÷ that behind it if it is not 0.5.
 
     Print without "fit to page" and check the ruler on the sheet.
     """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinholify.arrays import Floats
+from pinholify.arrays import Floats, Ints
 from pinholify.calibration.observation import ObservedBoard
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
@@ -20,11 +20,16 @@ PAIRS = 60
 
 def board_lines(lattice: Floats, points: Floats) -> list[Floats]:
     """The rows and columns of a board that have at least three points, each (k, 2), in lattice order."""
+    return [points[line] for line in _lines(lattice) if len(line) >= 3]
+
+
+def _lines(lattice: Floats) -> list[Ints]:
+    """The numbers of the points of each row and column, in lattice order."""
     lines = []
     for along, across in ((0, 1), (1, 0)):
         order = np.lexsort((lattice[:, along], lattice[:, across]))
         breaks = np.flatnonzero(np.diff(lattice[order, across])) + 1
-        lines += [points[line] for line in np.split(order, breaks) if len(line) >= 3]
+        lines += np.split(order, breaks)
     return lines
 
 
@@ -42,16 +47,17 @@ def collinearity_errors(lattice: Floats, points: Floats) -> Floats:
 
 
 def mean_spacing(lattice: Floats, points: Floats) -> float:
-    """Mean distance of horizontally and vertically adjacent points of one board, in units of ``points`` (n, 2)."""
-    place = {(int(x), int(y)): i for i, (x, y) in enumerate(lattice)}
-    pairs = [
-        (i, place[neighbour])
-        for (x, y), i in place.items()
-        for neighbour in ((x + 1, y), (x, y + 1))
-        if neighbour in place
-    ]
-    first, second = np.array(pairs).T
-    return float(np.linalg.norm(points[first] - points[second], axis=1).mean())
+    """Mean distance of horizontally and vertically adjacent points of one board, a square's in units of ``points``.
+
+    Adjacent are the nearest that the lattice has: points one square apart on a checkerboard, the ends of a gap on an
+    AprilGrid, two units apart in an asymmetric circle grid.
+    """
+    pairs = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in _lines(lattice)])
+    first, second = pairs.T
+    squares = np.linalg.norm(lattice[first] - lattice[second], axis=1)
+    adjacent = squares < 1.01 * squares.min()
+    apart = np.linalg.norm(points[first] - points[second], axis=1)
+    return float((apart[adjacent] / squares[adjacent]).mean())
 
 
 def closed_form_percent(observed: ObservedBoard, intrinsics: Intrinsics) -> float:

@@ -14,15 +14,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.board import Board, Charuco, Checkerboard
+from pinholify.board import FAMILIES, AprilGrid, Board, Charuco, Checkerboard, CircleGrid, lattice, outline
 from pinholify.errors import BoardError, InputError
 from pinholify.io.files import atomic_path, writing_text
+
+if TYPE_CHECKING:
+    from PIL import ImageDraw
 
 PAGES: dict[str, tuple[float, float]] = {
     "A0": (841, 1189),
@@ -63,6 +66,15 @@ class Rectangle:
 
 
 @dataclass(frozen=True, slots=True)
+class Disc:
+    """A black disc: its centre and its radius."""
+
+    x: float
+    y: float
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
 class Label:
     """Text whose baseline begins at (x, y); ``size`` is the height of the font."""
 
@@ -74,11 +86,16 @@ class Label:
 
 @dataclass(frozen=True, slots=True)
 class Artwork:
-    """What is black on a board, in squares from its top left corner, and the size of the whole."""
+    """What is black on a board, in squares from its top left corner, and how many squares the whole has.
 
-    columns: int
-    rows: int
-    black: tuple[Rectangle, ...]
+    ``origin`` is the place of the board's point 0; ``unit`` says of "{}" mm what a square is.
+    """
+
+    columns: float
+    rows: float
+    black: tuple[Rectangle | Disc, ...]
+    origin: tuple[float, float]
+    unit: str = "squares of {} mm"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +106,7 @@ class Sheet:
     height: float
     square: float
     title: str
-    black: tuple[Rectangle, ...]
+    black: tuple[Rectangle | Disc, ...]
     labels: tuple[Label, ...]
 
 
@@ -115,26 +132,63 @@ def write_board(board: Board, path: str | os.PathLike[str], *, square_mm: float,
 def _checkerboard(board: Checkerboard) -> Artwork:
     columns, rows = board.columns + 1, board.rows + 1
     black = (Rectangle(x, y, 1, 1) for y in range(rows) for x in range(columns) if (x + y) % 2 == 0)
-    return Artwork(columns, rows, tuple(black))
+    return Artwork(columns, rows, tuple(black), (1.0, 1.0))
 
 
 def _charuco(board: Charuco) -> Artwork:
-    """The checkerboard, and in its white squares, row by row, the markers; a row of black cells is one rectangle."""
-    import cv2
-
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    """The checkerboard, and in its white squares, row by row, the markers."""
     squares = _checkerboard(Checkerboard(board.columns, board.rows))
-    white = [(x, y) for y in range(squares.rows) for x in range(squares.columns) if (x + y) % 2 == 1]
-    cells = dictionary.markerSize + 2
-    cell, margin = board.marker / cells, (1.0 - board.marker) / 2.0
+    columns, rows = board.columns + 1, board.rows + 1
+    white = [(x, y) for y in range(rows) for x in range(columns) if (x + y) % 2 == 1]
+    margin = (1.0 - board.marker) / 2.0
     black = list(squares.black)
     for number, (x, y) in enumerate(white):
-        marker = cv2.aruco.generateImageMarker(dictionary, number, cells) == 0
-        for row, line in enumerate(marker):
-            for start, end in _runs(line):
-                left, top = x + margin + start * cell, y + margin + row * cell
-                black.append(Rectangle(left, top, (end - start) * cell, cell))
-    return Artwork(squares.columns, squares.rows, tuple(black))
+        black += _cells(_marker(board.dictionary, number, border=1), x + margin, y + margin, board.marker)
+    return Artwork(columns, rows, tuple(black), squares.origin)
+
+
+def _aprilgrid(board: AprilGrid) -> Artwork:
+    """Kalibr's: tags with a border of two cells, and black squares that touch their corners.
+
+    OpenCV's AprilTags stand on their heads, seen from AprilTag's own and Kalibr's.
+    """
+    step, gap = 1.0 + board.gap, board.gap
+    black: list[Rectangle] = []
+    for y in range(board.down):
+        for x in range(board.across):
+            number = int(board.tag_number(np.array(x), np.array(y)))
+            marker = _marker(FAMILIES[board.family], number, border=2)[::-1, ::-1]
+            black += _cells(marker, gap + x * step, gap + y * step, 1.0)
+    between = (Rectangle(x * step, y * step, gap, gap) for y in range(board.down + 1) for x in range(board.across + 1))
+    size = board.across * step + gap, board.down * step + gap
+    return Artwork(*size, (*black, *between), (gap, gap), "tags of {} mm")
+
+
+def _circles(board: CircleGrid) -> Artwork:
+    radius = board.diameter / 2.0
+    _, (width, height) = outline(board)
+    discs = (Disc(x + radius, y + radius, radius) for x, y in lattice(board).tolist())
+    unit = "rows {} mm apart" if board.asymmetric else "circles {} mm apart"
+    return Artwork(float(width) + board.diameter, float(height) + board.diameter, tuple(discs), (radius, radius), unit)
+
+
+def _marker(dictionary: str, number: int, *, border: int) -> NDArray[np.bool_]:
+    """The black cells of one of OpenCV's markers, with a black border of so many cells."""
+    import cv2
+
+    markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    cells = markers.markerSize + 2 * border
+    return np.asarray(cv2.aruco.generateImageMarker(markers, number, cells, borderBits=border) == 0)
+
+
+def _cells(marker: NDArray[np.bool_], left: float, top: float, side: float) -> list[Rectangle]:
+    """The black of ``marker`` (cells, cells), drawn from (left, top) on; a run of black in a row is one rectangle."""
+    cell = side / len(marker)
+    return [
+        Rectangle(left + start * cell, top + row * cell, (end - start) * cell, cell)
+        for row, line in enumerate(marker)
+        for start, end in _runs(line)
+    ]
 
 
 def _runs(line: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -143,7 +197,12 @@ def _runs(line: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-ARTWORKS: dict[type, Callable[[Any], Artwork]] = {Checkerboard: _checkerboard, Charuco: _charuco}
+ARTWORKS: dict[type, Callable[[Any], Artwork]] = {
+    Checkerboard: _checkerboard,
+    Charuco: _charuco,
+    AprilGrid: _aprilgrid,
+    CircleGrid: _circles,
+}
 """How each kind of board is drawn."""
 
 
@@ -166,17 +225,17 @@ def lay_out(board: Board, *, square_mm: float, page: str) -> Sheet:
         raise BoardError(_does_not_fit(board, artwork, square_mm, page, largest))
     left = (width - artwork.columns * square_mm) / 2
     top = (height - MARGIN - FOOTER - artwork.rows * square_mm) / 2
-    squares = tuple(_placed(rectangle, left, top, square_mm) for rectangle in artwork.black)
-    ruler, labels = _footer(board, square_mm, width, height)
-    title = f"{board.spec}, squares of {square_mm:g} mm"
-    return Sheet(width, height, square_mm, title, squares + ruler, labels)
+    squares = tuple(_placed(shape, left, top, square_mm) for shape in artwork.black)
+    unit = artwork.unit.format(f"{square_mm:g}")
+    ruler, labels = _footer(board, unit, width, height)
+    return Sheet(width, height, square_mm, f"{board.spec}, {unit}", squares + ruler, labels)
 
 
-def _placed(rectangle: Rectangle, left: float, top: float, scale: float) -> Rectangle:
-    return Rectangle(
-        left + rectangle.x * scale, top + rectangle.y * scale, rectangle.width * scale, rectangle.height
-        * scale
-    )
+def _placed(shape: Rectangle | Disc, left: float, top: float, scale: float) -> Rectangle | Disc:
+    x, y = left + shape.x * scale, top + shape.y * scale
+    if isinstance(shape, Disc):
+        return Disc(x, y, shape.radius * scale)
+    return Rectangle(x, y, shape.width * scale, shape.height * scale)
 
 
 def _orientations(page: str) -> list[tuple[float, float]]:
@@ -209,7 +268,7 @@ def _does_not_fit(board: Board, artwork: Artwork, square_mm: float, page: str, l
 
 
 def _footer(
-    board: Board, square_mm: float, width: float, height: float
+    board: Board, unit: str, width: float, height: float
 ) -> tuple[tuple[Rectangle, ...], tuple[Label, ...]]:
     """A ruler with a tick every 10 mm, 100 mm long where there is room, and above it what the board is."""
     room, foot = width - 2 * MARGIN, height - MARGIN
@@ -218,7 +277,7 @@ def _footer(
     ends = (max(x - _RULER_LINE, 0) for x in range(0, length + 1, 10))
     ticks = (Rectangle(MARGIN + x, foot - 3, _RULER_LINE, 3) for x in ends)
     text = (
-        f"{board.spec} inner corners, squares of {square_mm:g} mm, pinholify {version('pinholify')}; "
+        f"{board.spec}{' inner corners' * isinstance(board, Checkerboard)}, {unit}, pinholify {version('pinholify')}; "
         f"printed true to scale, the ruler is {length} mm long"
     )
     size = min(_TEXT_HEIGHT, room / _text_width(text, 1.0))
@@ -243,8 +302,12 @@ def _write_pdf(sheet: Sheet, path: str | os.PathLike[str]) -> None:
         canvas.setTitle(sheet.title)
         canvas.setViewerPreference("PrintScaling", "None")
         canvas.scale(_POINTS_PER_MM, _POINTS_PER_MM)
-        for r in sheet.black:
-            canvas.rect(r.x, sheet.height - r.y - r.height, r.width, r.height, stroke=0, fill=1)
+        for shape in sheet.black:
+            if isinstance(shape, Disc):
+                canvas.circle(shape.x, sheet.height - shape.y, shape.radius, stroke=0, fill=1)
+            else:
+                bottom = sheet.height - shape.y - shape.height
+                canvas.rect(shape.x, bottom, shape.width, shape.height, stroke=0, fill=1)
         for label in sheet.labels:
             canvas.setFont("Helvetica", label.size)
             canvas.drawString(label.x, sheet.height - label.y, label.text)
@@ -258,8 +321,8 @@ def _write_svg(sheet: Sheet, path: str | os.PathLike[str]) -> None:
         f'viewBox="0 0 {width} {height}">',
         f"<title>{escape(sheet.title)}</title>",
         '<rect width="100%" height="100%" fill="white"/>',
-        '<g fill="black" shape-rendering="crispEdges">',
-        *(_svg_rectangle(r) for r in sheet.black),
+        f'<g fill="black" shape-rendering="{_svg_rendering(sheet)}">',
+        *(_svg_shape(shape) for shape in sheet.black),
         "</g>",
         '<g font-family="Helvetica, Arial, sans-serif">',
         *(_svg_label(label) for label in sheet.labels),
@@ -270,7 +333,14 @@ def _write_svg(sheet: Sheet, path: str | os.PathLike[str]) -> None:
         stream.writelines(line + "\n" for line in lines)
 
 
-def _svg_rectangle(r: Rectangle) -> str:
+def _svg_rendering(sheet: Sheet) -> str:
+    """Discs with smooth edges; rectangles without the pale seams that smoothing leaves between two."""
+    return "geometricPrecision" if any(isinstance(shape, Disc) for shape in sheet.black) else "crispEdges"
+
+
+def _svg_shape(r: Rectangle | Disc) -> str:
+    if isinstance(r, Disc):
+        return f'<circle cx="{r.x:.9g}" cy="{r.y:.9g}" r="{r.radius:.9g}"/>'
     return f'<rect x="{r.x:.9g}" y="{r.y:.9g}" width="{r.width:.9g}" height="{r.height:.9g}"/>'
 
 
@@ -290,13 +360,22 @@ def _write_png(sheet: Sheet, path: str | os.PathLike[str]) -> None:
         raise InputError(f"'{name}' would have {width} x {height} pixels; write a PDF or SVG instead")
     image = Image.new("L", (width, height), 255)
     draw = ImageDraw.Draw(image)
-    for r in sheet.black:
-        draw.rectangle(_pixel_box(r, scale), fill=0)
+    for shape in sheet.black:
+        if isinstance(shape, Disc):
+            _draw_disc(draw, shape, scale)
+        else:
+            draw.rectangle(_pixel_box(shape, scale), fill=0)
     for label in sheet.labels:
         font = ImageFont.load_default(size=label.size * scale)
         draw.text((label.x * scale, label.y * scale), label.text, fill=0, font=font, anchor="ls")
     with atomic_path(path) as temporary:
         image.save(temporary, dpi=(scale * 25.4, scale * 25.4))
+
+
+def _draw_disc(draw: ImageDraw.ImageDraw, disc: Disc, scale: float) -> None:
+    """The disc about a corner of pixels, so that all discs of a sheet are the same pixels."""
+    x, y, radius = _pixel(disc.x * scale), _pixel(disc.y * scale), _pixel(disc.radius * scale)
+    draw.ellipse((x - radius, y - radius, x + radius - 1, y + radius - 1), fill=0)
 
 
 def _pixel_box(r: Rectangle, scale: float) -> tuple[int, int, int, int]:

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from scipy.special import gammaincc, ndtr  # scipy.stats would take longer to import than to use
 
 from pinholify.arrays import Bools, Floats, Ints, frozen
-from pinholify.board import Board, lattice
+from pinholify.board import Board, lattice, outline
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
 from pinholify.geometry import Pose
@@ -184,8 +184,8 @@ def _px_features(plane_map: JointMap, uv: Floats) -> Floats:
 
 
 def _outline(board: Board) -> Floats:
-    right, bottom = board.columns - 1.0, board.rows - 1.0
-    return np.array([[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]])
+    (left, top), (right, bottom) = outline(board)
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
 
 
 def _placements(

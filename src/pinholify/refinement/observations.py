@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Bools, Floats, Ints
-from pinholify.board import Board
+from pinholify.board import Board, outline
 from pinholify.corners import Corners
 
 
@@ -86,7 +86,8 @@ class Observations:
 
 def lattice_middle(board: Board) -> Floats:
     """The middle (2,) of the lattice, in squares."""
-    return np.array([board.columns - 1, board.rows - 1]) / 2.0
+    first, last = outline(board)
+    return (first + last) / 2.0
 
 
 def observations(views: Sequence[Corners], board: Board, frame: ImageFrame) -> Observations:

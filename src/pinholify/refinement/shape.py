@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
-from pinholify.board import Board
+from pinholify.board import Board, outline
 
 HEIGHT_STD = 0.1  # squares
 STRETCH_STD = 0.003
@@ -78,4 +78,6 @@ class BoardShape:
 
 def board_shape(board: Board, *, known: bool = True) -> BoardShape:
     """All shapes that ``board`` may have; flat and square alone where its shape cannot be ``known``."""
-    return BoardShape((board.columns - 1) / 2.0, (board.rows - 1) / 2.0, bends=known, stretches=known)
+    first, last = outline(board)
+    half_columns, half_rows = (last - first) / 2.0
+    return BoardShape(float(half_columns), float(half_rows), bends=known, stretches=known)
