@@ -146,6 +146,21 @@ def test_evidence_is_the_marginal_likelihood_of_a_dense_gaussian(scene: Scene) -
     np.testing.assert_allclose([one, other], volume + poses, atol=0.05)
 
 
+def test_evidence_of_a_process_switched_off_around_one_that_was_on(scene: Scene) -> None:
+    """Rounding once made it higher than any other, so that a long step of the search ended there."""
+    model, seen = small_model(0.2), flattened(scene)
+    density, _ = density_named("se")
+    state = disturbed(model, truth(scene, model))
+    at = model.predict(state, seen)
+    equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
+    frequencies, prior = model.basis.frequencies, model.trend_precision()
+    problem = linearised(equations, seen.boards, state.globals, frequencies, prior)
+    off = Hyperparameters(np.log([1e-9, 1.0]), 1e-4).precision(density, frequencies, prior)
+    expected = posterior(problem.without_process(), prior, 1e-4).log_evidence
+    assert np.abs(state.weights).min() > 0
+    assert posterior(problem, off, 1e-4).log_evidence == pytest.approx(expected, rel=1e-6)
+
+
 def test_gradient_of_the_evidence(scene: Scene) -> None:
     model, seen = small_model(), flattened(scene)
     density, _ = density_named("se")

@@ -109,15 +109,15 @@ def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
     scaled *= (root / noise)[:, None]
     scaled[np.diag_indices(len(root))] += 1.0
     cholesky = np.linalg.cholesky(scaled)
-    b = (at.right / noise**2 - precision * at.theta) * root
-    solved = cho_solve((cholesky, True), b, check_finite=False)
-    delta = solved * root
-    quadratic = at.misfit / noise**2 + float(precision @ at.theta**2) - float(b @ solved)
+    # The new unknowns, not the step to them: a prior that holds weights at zero would multiply the step's rounding.
+    solved = cho_solve((cholesky, True), (at.right + at.matrix @ at.theta) * root / noise**2, check_finite=False)
+    delta = solved * root - at.theta
+    misfit = at.misfit - 2.0 * float(at.right @ delta) + float(delta @ at.matrix @ delta)
+    quadratic = misfit / noise**2 + float(solved @ solved)
     log_det = 2.0 * float(np.log(np.diag(cholesky)).sum())
     log_noise = 2.0 * np.log(noise)
     poses = at.log_det_poses - 6.0 * at.boards * log_noise
     value = -0.5 * (quadratic + log_det + poses + at.rows * (LOG_2PI + log_noise))
-    misfit = at.misfit - 2.0 * float(at.right @ delta) + float(delta @ at.matrix @ delta)
     return Posterior(float(value), delta, np.diag(dpotri(cholesky, lower=1)[0]).copy(), misfit)
 
 
