@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,6 +16,7 @@ from pinholify.detection.detect import detect_board
 from pinholify.detection.placement import LARGER
 from pinholify.errors import BoardError, ImageError
 from pinholify.io.images import read_image
+from pinholify.io.processes import be_a_worker, interrupts_ignored
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,31 +107,10 @@ def _map(function: partial[_Seen], jobs: list[tuple[Path, str]], workers: int) -
     if workers == 1:
         yield from map(function, jobs)
         return
-    with _interrupts_ignored():  # which the new processes inherit: while they start, Ctrl-C is for the parent alone
-        pool = multiprocessing.get_context("spawn").Pool(workers, initializer=_be_a_worker)
+    with interrupts_ignored():
+        pool = multiprocessing.get_context("spawn").Pool(workers, initializer=be_a_worker)
     with pool:
         yield from pool.imap(function, jobs)
-
-
-@contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """No Ctrl-C inside; only a program's main thread can say so, others change nothing."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _be_a_worker() -> None:
-    """One thread a process, and Ctrl-C left to the parent, which ends the pool."""
-    import cv2
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    cv2.setNumThreads(1)
 
 
 def _common_size(seen: list[_Seen]) -> tuple[int, int]:
