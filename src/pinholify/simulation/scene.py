@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinholify.arrays import Bools, Floats, Ints
-from pinholify.board import Checkerboard
+from pinholify.board import Checkerboard, CircleGrid, outline
 from pinholify.geometry import Pose
 from pinholify.simulation.lenses import Rays
 
@@ -88,6 +88,28 @@ class CheckerboardTexture:
         """Whether ``xy`` (N, 2) lies on the squares or at most ``margin`` beyond them."""
         around = 1 + 2 * margin
         return _inside(xy + (1 + margin), self.board.columns + around, self.board.rows + around)
+
+
+@dataclass(frozen=True, slots=True)
+class CircleGridTexture:
+    """``board`` on a light sheet that ends ``margin`` units beyond the outermost centres; centre 0 is the origin."""
+
+    board: CircleGrid
+    margin: float = 1.0
+    dark: float = 0.07
+    light: float = 0.9
+
+    def __call__(self, xy: Floats) -> Floats:
+        """Colours (N, 1) of ``xy`` (N, 2)."""
+        row = np.clip(np.rint(xy[:, 1]), 0, self.board.rows - 1).astype(np.int64)
+        first, second = self.board.places(np.stack([0 * row, 1 + 0 * row]), row)
+        step = second[:, 0] - first[:, 0]
+        column = np.clip(np.rint((xy[:, 0] - first[:, 0]) / step), 0, self.board.columns - 1).astype(np.int64)
+        from_centre = np.linalg.norm(xy - self.board.places(column, row), axis=1)
+        colour = np.where(from_centre < self.board.diameter / 2, self.dark, self.light)
+        low, high = outline(self.board)
+        on_sheet = _inside(xy - low + self.margin, *(high - low + 2 * self.margin))
+        return np.asarray(np.where(on_sheet, colour, np.nan)[:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

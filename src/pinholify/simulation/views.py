@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pinholify.arrays import Floats
-from pinholify.board import Checkerboard, lattice
+from pinholify.board import Board, lattice, outline
 from pinholify.geometry import Pose
 from pinholify.simulation.lenses import Lens
 from pinholify.simulation.lenses.base import image_centre, unit
@@ -20,14 +20,14 @@ AIMS = 0.03 * np.array([[u, v] for u in (0, -1, 1) for v in (0, -1, 1)])
 """Where the first board may be aimed, from the middle in widths and heights: straight on if possible."""
 
 
-def true_corners(lens: Lens, board: Checkerboard, pose: Pose) -> Floats:
+def true_corners(lens: Lens, board: Board, pose: Pose) -> Floats:
     """Where ``lens`` images the corners of ``board`` in id order: (N, 2) px, NaN where it does not."""
     return lens.project(pose.apply(lattice(board)))
 
 
 def board_poses(
     lenses: Sequence[Lens],
-    board: Checkerboard,
+    board: Board,
     count: int,
     *,
     seed: int,
@@ -62,7 +62,7 @@ def virtual_camera(reference: Pose) -> tuple[float, float, float]:
 
 
 def _reference(
-    lenses: Sequence[Lens], board: Checkerboard, rng: np.random.Generator, margin: float
+    lenses: Sequence[Lens], board: Board, rng: np.random.Generator, margin: float
 ) -> tuple[Pose, float]:
     angles = rng.normal(0, 1.5, 3)
     aims = image_centre(lenses[0].size) + AIMS * lenses[0].size
@@ -75,7 +75,7 @@ def _reference(
 
 
 def _facing(
-    lens: Lens, board: Checkerboard, uv: Floats, distance: float, angles: Sequence[float] | Floats
+    lens: Lens, board: Board, uv: Floats, distance: float, angles: Sequence[float] | Floats
 ) -> Pose:
     """The board on the ray of the pixel ``uv``, facing it, then turned by ``angles`` (z, y, x; degrees)."""
     origins, directions = lens.unproject(uv + np.array([[0.0, 0.0], [0.0, 1.0]]))
@@ -84,15 +84,15 @@ def _facing(
     y = unit(((directions[1] - z) - (directions[1] - z) @ z * z)[None])[0]
     turn = Rotation.from_euler("zyx", angles, degrees=True).as_matrix()
     rotation = np.stack([np.cross(y, z), y, z], axis=1) @ turn
-    middle = np.array([board.columns - 1, board.rows - 1, 0]) / 2
+    middle = np.append(np.mean(outline(board), axis=0), 0.0)
     return Pose(rotation, origins[0] + distance * z - rotation @ middle)
 
 
-def _sees_board(lenses: Sequence[Lens], board: Checkerboard, pose: Pose, margin: float) -> bool:
+def _sees_board(lenses: Sequence[Lens], board: Board, pose: Pose, margin: float) -> bool:
     return all(_shows_board(lens, board, pose, margin * lens.size[0]) for lens in lenses)
 
 
-def _shows_board(lens: Lens, board: Checkerboard, pose: Pose, gap: float) -> bool:
+def _shows_board(lens: Lens, board: Board, pose: Pose, gap: float) -> bool:
     """Whether all corners keep ``gap`` px from border and neighbours and are seen from the board's front."""
     uv = true_corners(lens, board, pose)
     width, height = lens.size
