@@ -1,8 +1,8 @@
 """Calibration boards: what is printed on them, and where their points lie.
 
-Lattice coordinates are in squares (the sides of an AprilGrid's tags, the spacings of a circle grid): x to the right
-along a row, y down, row-major ids with x fastest (id = row · columns + column). A new kind of board is one class here
-or beside, and one line in ``BOARD_KINDS``.
+Lattice coordinates are in squares (the sides of an AprilGrid's tags, the spacings of a circle grid or of a screen's
+nodes): x to the right along a row, y down, row-major ids with x fastest (id = row · columns + column). A new kind of
+board is one class here or beside, and one line in ``BOARD_KINDS``.
 """
 
 from __future__ import annotations
@@ -243,6 +243,54 @@ class CircleGrid:
         return _square_lattice(across, row)
 
 
+@dataclass(frozen=True, slots=True)
+class Screen:
+    """A screen of ``width`` × ``height`` pixels that shows Gray codes; its points are nodes ``spacing`` pixels apart.
+
+    The unit of length is the spacing. The first node stands in the middle of the top left ``spacing`` × ``spacing``
+    pixels, and so on. Raises BoardError for spacings below 4 px and screens of fewer than 3×3 nodes.
+    """
+
+    width: int
+    height: int
+    spacing: int = 16
+
+    def __post_init__(self) -> None:
+        if self.spacing < 4 or min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 4000:
+            raise BoardError(
+                f"nodes {self.spacing} px apart on a screen of {self.width}x{self.height} px were asked for; the spacing "
+                "must be 4 px or more, with 3 to 4000 nodes each way"
+            )
+
+    @property
+    def columns(self) -> int:
+        """Nodes along x."""
+        return self.width // self.spacing
+
+    @property
+    def rows(self) -> int:
+        """Nodes along y."""
+        return self.height // self.spacing
+
+    @property
+    def spec(self) -> str:
+        """``"gray:1920x1080:16"``: the screen's size and the spacing of the nodes, px."""
+        return f"gray:{self.width}x{self.height}:{self.spacing}"
+
+    @property
+    def orientable(self) -> bool:
+        """Always: each pixel is known by itself."""
+        return True
+
+    def places(self, column: Ints, row: Ints) -> Floats:
+        """The nodes."""
+        return _square_lattice(column, row)
+
+    def screen_pixels(self, ids: Ints) -> Floats:
+        """Where the nodes ``ids`` (n,) stand on the screen: (n, 2) px, integer = pixel centre."""
+        return (lattice_points(self, ids) + 0.5) * self.spacing - 0.5
+
+
 def _square_lattice(column: Ints, row: Ints) -> Floats:
     return np.stack([column, row], axis=-1).astype(np.float64)
 
@@ -308,11 +356,22 @@ def _circles(text: str) -> CircleGrid:
     return CircleGrid(int(match[1]), int(match[2]), match[3] is not None, float(match[4] or 0.5))
 
 
+def _screen(text: str) -> Screen:
+    match = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})(?::(\d{1,4}))?", text)
+    if match is None:
+        raise BoardError(
+            f"'gray:{text}' is no screen; write its width x height in px, and behind it the spacing of the nodes where "
+            "that is not 16 px, for example gray:1920x1080 or gray:1920x1080:24"
+        )
+    return Screen(int(match[1]), int(match[2]), int(match[3] or 16))
+
+
 BOARD_KINDS: dict[str, Callable[[str], Board]] = {
     "checkerboard": _checkerboard,
     "charuco": _charuco,
     "aprilgrid": _aprilgrid,
     "circles": _circles,
+    "gray": _screen,
 }
 """Readers of board descriptions by the word before the first colon; a bare size is a checkerboard."""
 
