@@ -24,6 +24,7 @@ Solid = Callable[[Floats], Floats]
 MINIMUM_CORNERS = 8
 MINIMUM_INSIDE = 0.9
 WRONG_CORNERS = 10.0  # times the median misfit of all boards
+WIDEST = np.deg2rad(85.0)  # from the axis; near 90° virtual points run to infinity, and beyond it there are none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,10 +75,8 @@ def unused(view: Corners, reason: str, inside: Bools | None = None) -> MappedBoa
 def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: Floats) -> MappedBoard:
     """The board of ``view`` in the virtual plane: ``xy`` (m, 2) and ∂xy/∂uv (m, 2, 2) at the corners ``inside``."""
     count, total = int(inside.sum()), len(view)
-    if not view.found:
-        return unused(view, view.reason or "no board found")
     if count < max(MINIMUM_CORNERS, MINIMUM_INSIDE * total):
-        return unused(view, f"{count} of {total} corners lie where the camera may be believed", inside)
+        return unused(view, f"{count} of {total} corners lie where the virtual plane can be believed", inside)
     lattice, uv = view.lattice(board)[inside], view.uv[inside]
     if np.linalg.matrix_rank(lattice - lattice.mean(axis=0)) < 2:
         return unused(view, "all its corners lie on one line", inside)
@@ -126,9 +125,10 @@ def observe(
 
 
 def _map_view(camera: VirtualCamera, view: Corners, board: Board) -> MappedBoard:
-    inside = camera.inside(view.uv)
-    if not inside.any():
-        return unused(view, view.reason or f"none of {len(view)} corners lies where the camera may be believed", inside)
+    if not view.found:
+        return unused(view, view.reason or "no board found")
+    forward = camera.chart.directions(camera.plane_map.value(view.uv))[:, 2]
+    inside = camera.inside(view.uv) & (forward > np.cos(WIDEST))
     uv = view.uv[inside]
     return map_board(view, board, inside, camera.virtual_points(uv), camera.virtual_jacobian(uv))
 
