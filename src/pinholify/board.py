@@ -258,8 +258,8 @@ class Screen:
     def __post_init__(self) -> None:
         if self.spacing < 4 or min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 4000:
             raise BoardError(
-                f"nodes {self.spacing} px apart on a screen of {self.width}x{self.height} px were asked for; the spacing "
-                "must be 4 px or more, with 3 to 4000 nodes each way"
+                f"nodes {self.spacing} px apart on a screen of {self.width}x{self.height} px were asked for; the "
+                "spacing must be 4 px or more, with 3 to 4000 nodes each way"
             )
 
     @property
