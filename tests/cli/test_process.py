@@ -123,7 +123,7 @@ def test_memory_that_does_not_suffice(refused, camera, photographs, monkeypatch)
     def too_much(*_):
         raise MemoryError
 
-    monkeypatch.setattr("pinholify.cli.undistort_command.straighten_file", too_much)
+    monkeypatch.setattr("pinholify.batch.straightening.decode_image", too_much)
     assert "not enough memory" in refused("undistort", camera, photographs, "-o", "out")
 
 

@@ -1,0 +1,65 @@
+"""A dask cluster (extra ``cluster``). The scheduler gives a dead worker's jobs to the others."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from pinholify.batch.executors.serial import Work, attempt
+from pinholify.batch.jobs import Job, Outcome
+from pinholify.errors import InputError, OutputError
+from pinholify.io.places import absolute
+
+PATIENCE = 10.0
+"""s until a scheduler must have answered."""
+
+
+def on_cluster(work: Work, jobs: Sequence[Job], where: str) -> Iterator[Outcome]:
+    """The outcomes of ``jobs``, done by the workers of the scheduler at ``where``, e.g. tcp://127.0.0.1:8786.
+
+    Raises InputError where no scheduler answers, OutputError where it goes away before the jobs have ended.
+    """
+    distributed = _distributed()
+    with _connected(distributed, where) as client:
+        # The work is a task too: jobs share its result, and it is made again should the worker that holds it die.
+        shared = client.submit(_itself, work, pure=False)
+        futures = client.map(attempt, [shared] * len(jobs), [_elsewhere(job) for job in jobs], pure=False)
+        job_of = {future.key: job for future, job in zip(futures, jobs, strict=True)}
+        for future in distributed.as_completed(futures):
+            yield _outcome(distributed, future, job_of[future.key])
+
+
+def _itself(work: Work) -> Work:
+    return work
+
+
+def _elsewhere(job: Job) -> Job:
+    """As a worker knows it, whose working folder is another."""
+    return Job(absolute(job.source), absolute(job.target))
+
+
+def _distributed() -> Any:
+    """The package, which has no types."""
+    try:
+        return importlib.import_module("distributed")
+    except ImportError:
+        raise InputError("--scheduler needs dask, which is not installed: pip install 'pinholify[cluster]'") from None
+
+
+def _connected(distributed: Any, address: str) -> Any:
+    try:
+        return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TimeoutError):
+        raise InputError(
+            f"no scheduler answers at '{address}'; start one with 'dask scheduler' and give the address it prints"
+        ) from None
+
+
+def _outcome(distributed: Any, future: Any, job: Job) -> Outcome:
+    if future.status in ("cancelled", "lost"):
+        raise OutputError("the scheduler went away before all was done; the same command with --resume does the rest")
+    try:
+        return Outcome(job, future.result().failure)
+    except distributed.KilledWorker:
+        return Outcome(job, f"'{job.source}': worker after worker died of it; perhaps for want of memory")

@@ -1,0 +1,97 @@
+"""What is to be done, what is done already, and what came of it: decided here, without reading a file."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pinholify.errors import InputError, OutputError
+from pinholify.io.places import inside, name_of, real
+
+JPEG = (".jpg", ".jpeg")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One picture: read at ``source`` and written to ``target``, paths or URLs."""
+
+    source: str
+    target: str
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A job that has ended: ``failure`` is one sentence, empty where the picture stands at its target."""
+
+    job: Job
+    failure: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The jobs ``to_do``, and those that an earlier run has ``finished``."""
+
+    to_do: tuple[Job, ...]
+    finished: tuple[Job, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a run left: the ``written`` targets in the order of the sources, those ``finished`` before it, failures."""
+
+    written: tuple[str, ...]
+    finished: tuple[str, ...]
+    failed: Mapping[str, str]
+    """Source → one sentence."""
+
+
+def jobs_for(sources: Sequence[str], folder: str) -> tuple[Job, ...]:
+    """A job a source: into ``folder``, under the same stem, as PNG or for a JPEG as JPEG.
+
+    Raises InputError where two would be written to one place, OutputError where a source would be replaced.
+    """
+    jobs = tuple(Job(source, inside(folder, _target_name(source))) for source in sources)
+    twice = [target for target, count in Counter(job.target for job in jobs).items() if count > 1]
+    if twice:
+        raise InputError(f"two images would both be written as '{twice[0]}'; rename one, or do them in two runs")
+    if {real(job.target) for job in jobs} & {real(source) for source in sources}:
+        raise OutputError("the results would replace the photographs themselves; choose another folder with -o")
+    return jobs
+
+
+def _target_name(source: str) -> str:
+    name = Path(name_of(source))
+    return name.stem + (name.suffix if name.suffix.lower() in JPEG else ".png")
+
+
+def plan(jobs: Sequence[Job], standing: Mapping[str, bool], *, resume: bool = False, force: bool = False) -> Plan:
+    """Which of ``jobs`` to do. ``standing`` has a key for every target that is there: whether this work made it.
+
+    With ``resume`` those that it made are finished, and with ``force`` all others are replaced; otherwise whatever
+    is there raises OutputError.
+    """
+    finished = {job for job in jobs if resume and standing.get(job.target)}
+    left = tuple(job for job in jobs if job not in finished)
+    in_the_way = [job.target for job in left if job.target in standing]
+    if in_the_way and not force:
+        raise OutputError(_in_the_way(in_the_way, resume, any(standing[target] for target in in_the_way)))
+    return Plan(left, tuple(job for job in jobs if job in finished))
+
+
+def _in_the_way(targets: Sequence[str], resume: bool, ours: bool) -> str:
+    found = f"'{targets[0]}' is already there ({len(targets)} in all)"
+    if resume:
+        found += " and does not come from this photograph, camera and view"
+    return f"{found}; choose another folder, {'say --resume to do only the rest, ' if ours else ''}or say --force"
+
+
+def report(plan: Plan, outcomes: Sequence[Outcome]) -> Report:
+    """Of ``outcomes`` in any order."""
+    failures = {outcome.job: outcome.failure for outcome in outcomes}
+    return Report(
+        tuple(job.target for job in plan.to_do if not failures[job]),
+        tuple(job.target for job in plan.finished),
+        {job.source: failures[job] for job in plan.to_do if failures[job]},
+    )

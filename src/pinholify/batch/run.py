@@ -1,0 +1,58 @@
+"""Straightening many pictures: planned, done, reported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import chain
+from pathlib import Path
+
+from pinholify.batch.executors import EXECUTORS
+from pinholify.batch.jobs import Outcome, Plan, Report, jobs_for, plan, report
+from pinholify.batch.straightening import straightening
+from pinholify.io import places
+from pinholify.io.files import check_writable, make_folder
+from pinholify.rectification.straightener import Straightener
+
+
+def straighten_images(
+    straightener: Straightener,
+    sources: Sequence[str],
+    folder: str,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    resume: bool = False,
+    force: bool = False,
+    on_outcome: Callable[[Outcome], object] | None = None,
+) -> Report:
+    """Take the image files ``sources`` to ``folder``: PNG, or JPEG for a JPEG. Places are paths or URLs of fsspec's.
+
+    The work is done in this process, by several ``workers`` of this machine, or by those of the dask ``scheduler`` at
+    that address. Every picture carries a stamp of its camera, view, options and source; with ``resume`` those that
+    carry the right one are finished, and with ``force`` others are replaced. ``on_outcome`` hears of each as it ends,
+    of the finished ones first.
+
+    A source that cannot be straightened is a failure in the report. Raises InputError and OutputError, before any
+    work, where targets clash, are there or cannot be written; later OutputError where one cannot be written after all.
+    """
+    work = straightening(straightener, again=force and not resume)
+    jobs = jobs_for(sources, folder)
+    planned = plan(jobs, work.standing(jobs), resume=resume, force=force)
+    _make_room(folder, planned)
+    executor, where = ("dask", scheduler) if scheduler else ("serial" if workers == 1 else "processes", str(workers))
+    outcomes: list[Outcome] = []
+    ended = EXECUTORS[executor](work, planned.to_do, where) if planned.to_do else ()
+    for outcome in chain(map(Outcome, planned.finished), ended):
+        outcomes.append(outcome)
+        if on_outcome is not None:
+            on_outcome(outcome)
+    return report(planned, outcomes)
+
+
+def _make_room(folder: str, planned: Plan) -> None:
+    """Make the folder and try the targets in it; what is behind a URL shows itself only when it is written."""
+    if places.is_url(folder):
+        return
+    make_folder(Path(folder))
+    for job in planned.to_do:
+        check_writable(job.target)

@@ -1,0 +1,105 @@
+"""Straightening one picture from place to place, and the stamp by which it is known to be done."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+import pinholify
+from pinholify.batch.jobs import Job
+from pinholify.errors import ImageError
+from pinholify.io import places, stamps
+from pinholify.io.images import decode_image, encode_image
+from pinholify.rectification.straightener import Straightener
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Straightening:
+    """Does a :class:`Job` when called; small enough to be sent to other processes, where it makes its map once.
+
+    ``identity`` (hexadecimal digits) stands for the camera, the view and every option of ``straightener``.
+    With ``again`` a picture that was done already is done anew.
+    """
+
+    straightener: Straightener
+    identity: str
+    again: bool = False
+
+    def __call__(self, job: Job) -> None:
+        """Read, straighten, write; nothing where ``job`` is done: a cluster may give it out again when a worker dies.
+
+        Raises ImageError, which names the source, for one that is no image of the camera; OutputError.
+        """
+        data = places.read_bytes(job.source)
+        stamp = self.stamp(job.source, len(data))
+        if not self.again and stamp == _standing_stamp(job.target):
+            return
+        image = decode_image(data, job.source)
+        try:
+            straight = _prepared(self)(image)
+        except ImageError as error:
+            raise ImageError(f"'{job.source}': {error}") from None
+        places.write_bytes(job.target, stamps.stamped(encode_image(straight, job.target), stamp))
+
+    def stamp(self, source: str, size: int | None) -> str:
+        """What a picture carries that was made by this from ``source`` of ``size`` bytes: 32 hexadecimal digits."""
+        text = "\n".join([self.identity, places.name_of(source), str(size)])
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+    def standing(self, jobs: Sequence[Job]) -> dict[str, bool]:
+        """The targets that are there, each with whether this made it from its source."""
+        found = places.beginnings([job.target for job in jobs], stamps.REACH)
+        there = [(job, beginning) for job, beginning in zip(jobs, found, strict=True) if beginning is not None]
+        sizes = places.sizes([job.source for job, _ in there])
+        return {
+            job.target: stamps.stamp_of(beginning) == self.stamp(job.source, size)
+            for (job, beginning), size in zip(there, sizes, strict=True)
+        }
+
+
+def straightening(straightener: Straightener, *, again: bool = False) -> Straightening:
+    """The work of straightening pictures as ``straightener`` does."""
+    digest = hashlib.sha256(pinholify.__version__.encode())
+    _digest(digest, straightener)
+    return Straightening(straightener, digest.hexdigest(), again)
+
+
+@lru_cache(maxsize=1)
+def _prepared(work: Straightening) -> Straightener:
+    """A straightener that keeps its map in this process, while ``work`` stays small."""
+    return copy.copy(work.straightener)
+
+
+def _standing_stamp(target: str) -> str | None:
+    (beginning,) = places.beginnings([target], stamps.REACH)
+    return None if beginning is None else stamps.stamp_of(beginning)
+
+
+def _digest(digest: Any, value: Any) -> None:
+    """Feed ``value`` into ``digest``: values and arrays, but no field whose name begins with a line (what is cached).
+
+    Raises TypeError for a value whose text would not tell it from others.
+    """
+    if dataclasses.is_dataclass(value):
+        digest.update(type(value).__name__.encode())
+        fields = [f.name for f in dataclasses.fields(value) if not f.name.startswith("_")]
+        _digest(digest, {name: getattr(value, name) for name in fields})
+    elif isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, Mapping):
+        _digest(digest, list(value.items()))
+    elif isinstance(value, list | tuple):
+        digest.update(f"{len(value)}".encode())
+        for item in value:
+            _digest(digest, item)
+    elif value is None or isinstance(value, str | int | float | np.generic):
+        digest.update(repr(value).encode())
+    else:
+        raise TypeError(f"a {type(value).__name__} has no identity that lasts")

@@ -1,0 +1,183 @@
+"""Bytes at a place: a path on this machine, or a URL of any storage that fsspec knows (extra ``cluster``).
+
+A text with ``://`` is a URL, and its scheme is the user's: ``s3://``, ``gcs://``, ``memory://``. Paths need no extra.
+"""
+
+from __future__ import annotations
+
+import os
+import posixpath
+import secrets
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from pinholify.errors import ImageError, InputError, OutputError, PinholifyError
+from pinholify.io import images
+from pinholify.io.files import atomic_path
+
+
+def is_url(place: str) -> bool:
+    """Whether ``place`` goes through fsspec."""
+    return "://" in place
+
+
+def absolute(place: str) -> str:
+    """``place`` as processes with another working folder call it."""
+    return place if is_url(place) else os.path.abspath(place)
+
+
+def real(place: str) -> str:
+    """The one name of ``place``: a path is absolute, its links followed."""
+    return place if is_url(place) else os.path.realpath(place)
+
+
+def inside(folder: str, name: str) -> str:
+    """The place called ``name`` in ``folder``."""
+    return f"{folder.rstrip('/')}/{name}" if is_url(folder) else str(Path(folder) / name)
+
+
+def name_of(place: str) -> str:
+    """The last part of ``place``."""
+    return posixpath.basename(place) if is_url(place) else Path(place).name
+
+
+def image_places(arguments: Iterable[str]) -> list[str]:
+    """The images that ``arguments`` name; a folder, here or behind a URL, stands for those in it, in natural order.
+
+    Raises ImageError as :func:`pinholify.io.images.image_paths` does, and where a storage does not answer.
+    """
+    places: list[str] = []
+    for remote, some in _by_storage(arguments):
+        places += [place for url in some for place in _listed(url)] if remote else map(str, images.image_paths(some))
+    return places
+
+
+def _by_storage(places: Iterable[str]) -> Iterator[tuple[bool, list[str]]]:
+    """Neighbours of one storage together, in order; whether it is another than this machine's files."""
+    for storage, some in groupby(places, lambda place: urlsplit(place)[:2] if is_url(place) else ()):
+        yield bool(storage), list(some)
+
+
+def _listed(url: str) -> list[str]:
+    files, path = _storage(url)
+    with _failing(ImageError, f"'{url}' cannot be read"):
+        if not files.isdir(path):
+            return [url]
+        names = [files.unstrip_protocol(name) for name in files.ls(path, detail=False)]
+    found = sorted((n for n in names if Path(n).suffix.lower() in images.IMAGE_SUFFIXES), key=images.natural_order)
+    if not found:
+        raise ImageError(f"the folder '{url}' holds no images; give one that does, or image files")
+    return found
+
+
+def read_bytes(place: str) -> bytes:
+    """All that is at ``place``; raises ImageError where it cannot be read."""
+    if not is_url(place):
+        return images.read_bytes(place)
+    files, path = _storage(place)
+    with _failing(ImageError, f"'{place}' cannot be read"):
+        return bytes(files.cat_file(path))
+
+
+def write_bytes(place: str, data: bytes) -> None:
+    """Put ``data`` at ``place``, all of it or nothing; raises OutputError where it cannot be put there.
+
+    Behind a URL too a temporary name is written and then moved: not every storage puts an object in one piece.
+    """
+    if not is_url(place):
+        with atomic_path(place) as temporary:
+            temporary.write_bytes(data)
+        return
+    files, path = _storage(place)
+    folder, name = posixpath.split(path)
+    temporary_path = posixpath.join(folder, f".{secrets.token_hex(6)}-{name}")
+    with _failing(OutputError, f"'{place}' cannot be written"):
+        try:
+            files.makedirs(folder, exist_ok=True)
+            files.pipe_file(temporary_path, data)
+            files.mv(temporary_path, path)
+        except BaseException:
+            with suppress(Exception):
+                files.rm(temporary_path)
+            raise
+
+
+def beginnings(places: Sequence[str], count: int) -> list[bytes | None]:
+    """The first ``count`` bytes at each of ``places``, None where there is nothing; many at once where that is faster.
+
+    Raises ImageError where a storage does not answer.
+    """
+    found: list[bytes | None] = []
+    for remote, some in _by_storage(places):
+        found += _url_beginnings(some, count) if remote else [_file_beginning(path, count) for path in some]
+    return found
+
+
+def _file_beginning(path: str, count: int) -> bytes | None:
+    try:
+        with open(path, "rb") as file:
+            return file.read(count)
+    except OSError:
+        return b"" if os.path.lexists(path) else None
+
+
+def _url_beginnings(urls: list[str], count: int) -> list[bytes | None]:
+    files, _ = _storage(urls[0])
+    paths = [_storage(url)[1] for url in urls]
+    with _failing(ImageError, f"'{urls[0]}' cannot be looked for"):
+        folders = [folder for folder in {posixpath.dirname(path) for path in paths} if files.isdir(folder)]
+        there = {name.lstrip("/") for folder in folders for name in files.ls(folder, detail=False)}
+        known = [path for path in paths if path.lstrip("/") in there]
+        starts = dict(zip(known, files.cat_ranges(known, 0, count, on_error="raise"), strict=True))
+    return [starts.get(path) for path in paths]
+
+
+def sizes(places: Sequence[str]) -> list[int | None]:
+    """Bytes at each of ``places``, None where that cannot be told."""
+    found: list[int | None] = []
+    for remote, some in _by_storage(places):
+        found += _url_sizes(some) if remote else [_file_size(path) for path in some]
+    return found
+
+
+def _file_size(path: str) -> int | None:
+    try:
+        return os.path.getsize(path)
+    except OSError:
+        return None
+
+
+def _url_sizes(urls: list[str]) -> list[int | None]:
+    files, _ = _storage(urls[0])
+    try:
+        return list(files.sizes([_storage(url)[1] for url in urls]))
+    except (OSError, ValueError):
+        return [None] * len(urls)
+
+
+def _storage(url: str) -> tuple[Any, str]:
+    """fsspec's file system for ``url``, and the path in it; raises InputError where there is none."""
+    try:
+        import fsspec
+    except ImportError:
+        raise InputError(f"'{url}' needs fsspec, which is not installed: pip install 'pinholify[cluster]'") from None
+    try:
+        files, path = fsspec.core.url_to_fs(url)
+    except (ImportError, ValueError) as error:
+        raise InputError(f"'{url}' cannot be reached: {error}; install what this kind of URL needs") from None
+    return files, path
+
+
+@contextmanager
+def _failing(kind: type[PinholifyError], what: str) -> Iterator[None]:
+    """One sentence for whatever a storage raises: each has its own errors, most of them no OSError."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise kind(f"{what}: there is no such file; check the name") from None
+    except Exception as error:
+        raise kind(f"{what}: {str(error) or type(error).__name__}; check the URL and your access to it") from error
