@@ -20,6 +20,7 @@ COMMANDS = {
     "map": "Map points between pixels, the virtual plane and rays.",
     "undistort": "Straighten photographs.",
     "export": "Write an ideal pinhole view as other programs' calibration files.",
+    "import": "Make a camera of ours from another program's calibration file.",
     "evaluate": "Score a camera on photographs of a board.",
     "compare": "How far two cameras differ, in px over the image.",
     "board": "Print a board, true to scale.",

@@ -29,7 +29,7 @@ def command(
     size of the images are the camera's.
     """
     from pinholify.cli.report import print_evaluation, to_json
-    from pinholify.errors import CalibrationError, ImageError
+    from pinholify.errors import CalibrationError, CameraFileError, ImageError
     from pinholify.evaluation.summary import evaluate
     from pinholify.evaluation.verdict import judge
     from pinholify.io.camera_file import read_camera
@@ -38,6 +38,8 @@ def command(
     calibration = read_camera(camera)
     size, mirrored = calibration.camera.image_size, calibration.camera.mirrored
     board = calibration.corner_set.board
+    if calibration.details.get("board_known") is False:
+        raise CameraFileError(f"'{camera}' was imported without a board to look for; import it again with --board")
     corners = gather_corners(images, table, board, size if table is not None else None, mirrored)
     if corners.image_size != size:
         raise ImageError(

@@ -38,6 +38,7 @@ from pinholify.refinement import JointMap
 from pinholify.refinement.basis import SineBasis
 from pinholify.refinement.observations import ImageFrame
 from pinholify.refinement.trends import Angles, LensTrend, Plane, PolynomialTrend
+from pinholify.splines import SplineMap, SplineSurface
 
 FORMAT = "pinholify-camera"
 FORMAT_VERSION = 1
@@ -70,6 +71,8 @@ TYPES: dict[str, type[Any]] = {
         Scaling,
         SensorMode,
         SineBasis,
+        SplineMap,
+        SplineSurface,
         SquaredExponential,
         VirtualCamera,
     )
@@ -240,4 +243,4 @@ def _split(value: dict[str, Any], arrays: dict[str, Any]) -> Iterator[tuple[Any,
     columns = [arrays[f"{value['path']}.{key}"] for key in ("ids", "uv", "weights")]
     if any(len(column) != (ends[-1] if len(ends) else 0) for column in columns):
         raise ValueError("the numbers of corners do not add up")
-    return zip(*(np.split(column, ends[:-1]) for column in columns), strict=True)
+    return zip(*(np.split(column, ends)[:-1] for column in columns), strict=True)

@@ -1,0 +1,227 @@
+"""Another program's camera made ours: its map of the image, pixel by pixel, carried by a spline.
+
+Any lens that can be projected is taken in alike: its projection is inverted numerically where it is one to one, from
+the axis outwards, and the spline is made finer until it repeats the lens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pinholify.arrays import Bools, Floats
+from pinholify.board import Board, Checkerboard
+from pinholify.calibration.result import Calibration
+from pinholify.camera import Domain, VirtualCamera
+from pinholify.charts import AngleChart, Intrinsics, angles_to_directions
+from pinholify.corners import CornerSet
+from pinholify.errors import CalibrationError
+from pinholify.geometry import ConvexRegion, convex_hull
+from pinholify.gp.maps import newton_inverse
+from pinholify.io.importing.base import ForeignCamera
+from pinholify.splines import SplineMap, SplineSurface, fitted
+
+METHOD = "imported"
+TOLERANCE = 1e-3  # px between their camera and ours at which a finer spline is not tried
+CELLS = (16, 32, 64, 128)
+"""Cells of the spline along the longer side of the image, as many as are needed."""
+
+SAMPLES = 2  # a cell and axis, to fit and to test
+WIDEST = np.deg2rad(172.0)  # from the axis; straight behind, the direction away from the axis has no meaning
+NARROWEST = 1e-4  # radians
+AZIMUTHS, ANGLES = 180, 400
+FLATTEST = 0.1  # of the image's scale at the axis: where less is left the lens is about to fold back
+MOST_STRETCHED = 12.0  # times longer along one axis than along the other: a pole of the projection is near
+NEIGHBOURHOOD = 0.15  # of the angle from the axis: how far a pixel's ray is from that of the nearest sample
+STEP = 1e-6  # radians, to differentiate a projection
+LARGEST_ERROR = 1.0  # px rms; beyond it the camera is not repeated
+
+UNKNOWN_BOARD = Checkerboard(3, 3)
+"""Stands in a camera file for the board of a camera that came without one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Adopted:
+    """Their camera as ours and how well it is repeated inside the domain: ``rms_px``, ``largest_px`` per point.
+
+    ``covered`` is the share of the image that their camera says something of, ``knots`` the spline's control points.
+    """
+
+    calibration: Calibration
+    rms_px: float
+    largest_px: float
+    covered: float
+    knots: tuple[int, int]
+
+
+def adopt(theirs: ForeignCamera, *, board: Board | None = None, square_mm: float | None = None) -> Adopted:
+    """``theirs`` as a camera of ours, in its own frame, the virtual plane that of its ideal pinhole image in px.
+
+    ``board`` is the one that photographs would be scored on. How well theirs was calibrated is not told: standard
+    deviations are those of the fit alone. Raises CalibrationError where their camera is not one to one anywhere in the
+    image, or is too rough to be repeated.
+    """
+    lens = _lens(theirs)
+    for cells in CELLS:
+        surface, hull, covered = _fit(lens, theirs.image_size, cells)
+        errors = _errors(lens, surface, hull, theirs.image_size, cells)
+        if errors.max() < TOLERANCE:
+            break
+    rms = float(np.sqrt((errors**2).mean()))
+    if rms > LARGEST_ERROR:
+        raise CalibrationError(
+            f"the {theirs.program} camera changes too abruptly to be repeated ({rms:.2f} px rms): its numbers are "
+            "hardly those of a lens; check them"
+        )
+    camera = _camera(theirs, surface, hull, rms / np.sqrt(2.0), lens.sign)
+    calibration = Calibration(
+        camera,
+        CornerSet(board or UNKNOWN_BOARD, theirs.image_size),
+        method=METHOD,
+        kernel="spline",
+        trend=theirs.model,
+        reference="",
+        intrinsics_std=np.full(3, np.nan),
+        refined=camera.intrinsics,
+        square_mm=square_mm,
+        details={
+            "program": theirs.program,
+            "model": theirs.model,
+            "board_known": board is not None,
+            "fit_rms_px": rms,
+            "fit_largest_px": float(errors.max()),
+        },
+    )
+    return Adopted(calibration, rms, float(errors.max()), covered, surface.control.shape[1::-1])
+
+
+def _camera(
+    theirs: ForeignCamera, surface: SplineSurface, hull: ConvexRegion, std_px: float, sign: float
+) -> VirtualCamera:
+    focal = float(np.sqrt(np.abs(theirs.focal.prod())))
+    intrinsics = Intrinsics(focal, float(theirs.centre[0]), float(theirs.centre[1]))
+    plane_map = SplineMap(surface, std_px)
+    return VirtualCamera(
+        plane_map, AngleChart(np.eye(3)), intrinsics, Domain(hull), theirs.image_size, np.nan, mirrored=sign < 0
+    )
+
+
+# --- their lens, inverted ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lens:
+    """A projection as a map from angles q (n, 2), azimuthal equidistant, to pixels, and its one-to-one part.
+
+    ``angles`` and ``pixels`` (m, 2) sample that part; ``sign`` is the handedness of the image there and ``least`` the
+    smallest scale in px per radian that counts as one to one.
+    """
+
+    camera: ForeignCamera
+    angles: Floats
+    pixels: Floats
+    sign: float
+    least: float
+
+    def value(self, q: Floats) -> Floats:
+        """Pixels (n, 2)."""
+        with np.errstate(all="ignore"):
+            return self.camera.project(angles_to_directions(q))
+
+    def jacobian(self, q: Floats) -> Floats:
+        """∂pixel/∂q (n, 2, 2), by differences."""
+        sides = [(self.value(q + step) - self.value(q - step)) / (2.0 * STEP) for step in STEP * np.eye(2)]
+        return np.stack(sides, axis=2)
+
+    def unfolded(self, q: Floats) -> Bools:
+        """Where the image has its handedness and scale."""
+        jacobian = self.jacobian(q)
+        known = np.isfinite(jacobian).all(axis=(1, 2))
+        good = np.zeros(len(q), dtype=bool)
+        largest, smallest = np.linalg.svd(jacobian[known], compute_uv=False).T
+        upright = self.sign * np.linalg.det(jacobian[known]) > 0
+        good[known] = upright & (smallest > self.least) & (largest < MOST_STRETCHED * smallest)
+        return good
+
+    def inverse(self, uv: Floats) -> Floats:
+        """q (n, 2) of pixels ``uv`` (n, 2); nan where there is none on the one-to-one part."""
+        start = self.angles[cKDTree(self.pixels).query(uv)[1]]
+        q = newton_inverse(self, uv, start, reach=0.05)  # type: ignore[arg-type]
+        near = NEIGHBOURHOOD * np.linalg.norm(start, axis=1) + 3.0 * NARROWEST
+        found = np.linalg.norm(q - start, axis=1) < near  # no other part of a lens that folds; nan is not
+        found[found] = self.unfolded(q[found])
+        return np.where(found[:, None], q, np.nan)
+
+
+def _lens(theirs: ForeignCamera) -> Lens:
+    """``theirs`` with its one-to-one part: along each direction from the axis, as far as it does not fold."""
+    theta = np.geomspace(NARROWEST, WIDEST, ANGLES)
+    phi = np.linspace(0.0, 2.0 * np.pi, AZIMUTHS, endpoint=False)
+    grid = theta[:, None, None] * np.stack([np.cos(phi), np.sin(phi)], axis=1)
+    axis = Lens(theirs, grid[0], grid[0], 1.0, 0.0)
+    middle = axis.jacobian(np.zeros((1, 2)))
+    if not np.isfinite(middle).all():
+        raise _blind(theirs)
+    scale = np.sqrt(np.abs(np.linalg.det(middle[0])))
+    lens = Lens(theirs, grid[0], grid[0], float(np.sign(np.linalg.det(middle[0]))), FLATTEST * float(scale))
+    good = np.logical_and.accumulate(lens.unfolded(grid.reshape(-1, 2)).reshape(grid.shape[:2]), axis=0)
+    angles = np.concatenate([np.zeros((1, 2)), grid[good]])
+    return Lens(theirs, angles, lens.value(angles), lens.sign, lens.least)
+
+
+def _blind(theirs: ForeignCamera) -> CalibrationError:
+    width, height = theirs.image_size
+    return CalibrationError(
+        f"the {theirs.program} camera sees nothing in an image of {width}x{height}: check the size of the images and "
+        "the camera's numbers"
+    )
+
+
+# --- the spline --------------------------------------------------------------------------------------------------
+
+
+def _fit(lens: Lens, image_size: tuple[int, int], cells: int) -> tuple[SplineSurface, ConvexRegion, float]:
+    """The spline of ``cells`` along the longer side, where it holds, and the share of the image that is."""
+    uv = _pixels(image_size, SAMPLES * cells + 1)
+    q = lens.inverse(uv)
+    known = np.isfinite(q).all(axis=1)
+    hull = _inscribed(uv[known], uv[~known])
+    if hull.area <= 0:
+        raise _blind(lens.camera)
+    surface = fitted(_empty(image_size, cells), uv[known], q[known])
+    return surface, hull, hull.area / float(np.prod(image_size))
+
+
+def _errors(
+    lens: Lens, surface: SplineSurface, hull: ConvexRegion, image_size: tuple[int, int], cells: int
+) -> Floats:
+    """Distances (n,) px between pixels inside ``hull`` and where their lens puts the spline's rays."""
+    uv = _pixels(image_size, 3 * cells)  # between the pixels of the fit, and on the border
+    uv = uv[hull.contains(uv)]
+    return np.asarray(np.linalg.norm(lens.value(surface.value(uv)) - uv, axis=1))
+
+
+def _pixels(image_size: tuple[int, int], count: int) -> Floats:
+    """A grid over the image to its outer edges, ``count`` pixels along the longer side."""
+    sides = [np.linspace(-0.5, n - 0.5, max(3, round(count * n / max(image_size)))) for n in image_size]
+    return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+
+
+def _empty(image_size: tuple[int, int], cells: int) -> SplineSurface:
+    """A surface over the image without content: a control point beyond each edge."""
+    counts = [max(1, round(cells * n / max(image_size))) for n in image_size]
+    spacing = np.array(image_size) / counts
+    return SplineSurface(-0.5 - spacing, spacing, np.zeros((counts[1] + 3, counts[0] + 3, 2)))
+
+
+def _inscribed(known: Floats, unknown: Floats) -> ConvexRegion:
+    """A large convex region of ``known`` pixels (n, 2) without any ``unknown`` (m, 2) inside."""
+    hull = convex_hull(known)
+    while len(intruders := unknown[hull.contains(unknown)]):
+        middle = known.mean(axis=0)
+        towards = intruders[np.linalg.norm(intruders - middle, axis=1).argmin()] - middle
+        known = known[(known - middle) @ towards < 0.999 * (towards @ towards)]
+        hull = convex_hull(known)
+    return hull

@@ -1,0 +1,161 @@
+"""Smooth surfaces of evenly spaced control points, and the map of an image that one makes.
+
+They carry what other programs know of a camera into ours and back: an imported camera's map, and mrcal's splined
+model. Surfaces are linear in their control points, so a fit is one sparse solve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from pinholify.arrays import Floats, Ints, frozen
+from pinholify.gp.maps import newton_inverse
+
+SMOOTHING = 1e-9  # of the mean weight of a control point: felt only where there are no data
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SplineSurface:
+    """A uniform B-spline surface of ``degree`` 2 or 3: points of the plane → ``control``'s m numbers.
+
+    ``control`` (rows, columns, m) has its first point at ``origin`` (2,) and the next ones ``spacing`` (2,) further
+    along x and y. Beyond the outermost control points but one the nearest patch's polynomial goes on.
+    """
+
+    origin: Floats
+    spacing: Floats
+    control: Floats
+    degree: int = 3
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "origin", frozen(self.origin, (2,)))
+        object.__setattr__(self, "spacing", frozen(self.spacing, (2,)))
+        object.__setattr__(self, "control", frozen(self.control, (None, None, None)))
+        if self.degree not in WEIGHTS:
+            raise ValueError(f"splines of degree {self.degree} were asked for where 2 and 3 are known")
+        if min(self.control.shape[:2]) <= self.degree:
+            raise ValueError(f"{self.control.shape[:2]} control points are too few for degree {self.degree}")
+
+    def value(self, p: Floats) -> Floats:
+        """The surface at ``p`` (n, 2): (n, m)."""
+        index, (x, y), _ = self._patches(p)
+        return np.asarray(np.einsum("nijm,ni,nj->nm", self._nearby(index), y, x))
+
+    def jacobian(self, p: Floats) -> Floats:
+        """∂value/∂p at ``p`` (n, 2): (n, m, 2)."""
+        index, (x, y), (dx, dy) = self._patches(p)
+        nearby = self._nearby(index)
+        slopes = [np.einsum("nijm,ni,nj->nm", nearby, a, b) for a, b in ((y, dx), (dy, x))]
+        return np.stack(slopes, axis=2) / self.spacing
+
+    def design(self, p: Floats) -> sparse.csr_array:
+        """The matrix (n, rows · columns) that takes control points, row by row, to values at ``p`` (n, 2)."""
+        index, (x, y), _ = self._patches(p)
+        columns = np.ravel_multi_index(self._indices(index), self.control.shape[:2]).reshape(len(p), -1)
+        weights = (y[:, :, None] * x[:, None, :]).reshape(len(p), -1)
+        rows = np.arange(len(p) + 1) * weights.shape[1]
+        size = self.control.shape[0] * self.control.shape[1]
+        return sparse.csr_array((weights.ravel(), columns.ravel(), rows), shape=(len(p), size))
+
+    def _patches(self, p: Floats) -> tuple[Ints, tuple[Floats, Floats], tuple[Floats, Floats]]:
+        """First control point (n, 2: column, row) of each point's patch, weights along x and y, and their slopes."""
+        place = (p - self.origin) / self.spacing
+        before = (self.degree - 1) / 2.0
+        last = np.array(self.control.shape[1::-1]) - self.degree - 1
+        first = np.clip(np.floor(np.nan_to_num(place) - before), 0, last).astype(np.int64)
+        (x, dx), (y, dy) = (WEIGHTS[self.degree](t) for t in (place - first - before).T)
+        return first, (x, y), (dx, dy)
+
+    def _indices(self, first: Ints) -> tuple[Ints, Ints]:
+        """Rows (n, k, 1) and columns (n, 1, k) of the control points of patches."""
+        offsets = np.arange(self.degree + 1)
+        return first[:, 1, None, None] + offsets[:, None], first[:, 0, None, None] + offsets
+
+    def _nearby(self, first: Ints) -> Floats:
+        return np.asarray(self.control[self._indices(first)])
+
+
+def _quadratic(t: Floats) -> tuple[Floats, Floats]:
+    """Weights (n, 3) of three control points and their slopes, t from 0 to 1 over the patch around the middle one."""
+    weights = [(1.0 - t) ** 2 / 2.0, 0.5 + t - t**2, t**2 / 2.0]
+    return np.stack(weights, axis=1), np.stack([t - 1.0, 1.0 - 2.0 * t, t], axis=1)
+
+
+def _cubic(t: Floats) -> tuple[Floats, Floats]:
+    """Weights (n, 4) of four control points and their slopes, t from 0 to 1 between the inner two."""
+    s = 1.0 - t
+    weights = [s**3, 3.0 * t**3 - 6.0 * t**2 + 4.0, 3.0 * s**3 - 6.0 * s**2 + 4.0, t**3]
+    slopes = [-(s**2), t * (3.0 * t - 4.0), -s * (3.0 * s - 4.0), t**2]
+    return np.stack(weights, axis=1) / 6.0, np.stack(slopes, axis=1) / 2.0
+
+
+WEIGHTS = {2: _quadratic, 3: _cubic}
+"""Uniform B-splines (de Boor, *A Practical Guide to Splines*, ch. X) by degree."""
+
+
+def fitted(empty: SplineSurface, p: Floats, values: Floats) -> SplineSurface:
+    """``empty`` with the control points that fit ``values`` (n, m) at ``p`` (n, 2) by least squares.
+
+    Where there are no data the surface goes on straight: second differences of the control points are lightly held
+    down (P-splines, Eilers & Marx 1996).
+    """
+    design = empty.design(p)
+    normal = design.T @ design
+    rows, columns = empty.control.shape[:2]
+    bending = sparse.kron(sparse.eye_array(rows), _bending(columns)) + sparse.kron(
+        _bending(rows), sparse.eye_array(columns)
+    )
+    light = SMOOTHING * normal.diagonal().mean()
+    control = spsolve((normal + light * bending).tocsc(), design.T @ values)
+    return SplineSurface(empty.origin, empty.spacing, control.reshape(rows, columns, -1), empty.degree)
+
+
+def _bending(count: int) -> sparse.csr_array:
+    """The matrix (count, count) of a row's summed squared second differences."""
+    second = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(count - 2, count))
+    return second.T @ second
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SplineMap:
+    """A :class:`pinholify.gp.maps.PlaneMap` taken from another program's camera: q by a ``surface`` over the image.
+
+    ``std_px`` is the rms error per axis, in px, with which the surface repeats that camera. It is all that is known
+    of the map's uncertainty: how well the camera itself was calibrated is not.
+    """
+
+    surface: SplineSurface
+    std_px: float
+
+    def value(self, uv: Floats) -> Floats:
+        """q (n, 2)."""
+        return self.surface.value(uv)
+
+    def jacobian(self, uv: Floats) -> Floats:
+        """∂q/∂uv (n, 2, 2)."""
+        return self.surface.jacobian(uv)
+
+    def covariance(self, uv: Floats) -> Floats:
+        """That of a shift of the pixel by ``std_px`` along each axis, (n, 2, 2)."""
+        jacobian = self.jacobian(uv)
+        return np.asarray(self.std_px**2 * jacobian @ jacobian.transpose(0, 2, 1))
+
+    def covariance_up_to_turn(self, uv: Floats) -> Floats:
+        """The covariance itself: the fit turns nothing."""
+        return self.covariance(uv)
+
+    def virtual_covariance(self, uv: Floats) -> None:
+        """None: K is the other program's, without error of its own."""
+        return
+
+    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
+        """uv (n, 2) of ``q``, by Newton's method."""
+        return newton_inverse(self, q, start, reach)
+
+    def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
+        """Zero (draws, n, 2): the data were another program's formula, without noise."""
+        return np.zeros((draws, *uv.shape))
