@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from pinholify.arrays import Bools, Floats, frozen
 
@@ -133,6 +132,8 @@ class ConvexRegion:
 
 def convex_hull(xy: Floats) -> ConvexRegion:
     """The convex hull of ``xy`` (N, 2)."""
+    from scipy.spatial import ConvexHull, QhullError  # slow to load, and few who need this module need it
+
     try:
         hull = ConvexHull(xy)
     except (QhullError, ValueError):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats, frozen
 from pinholify.board import lattice as board_lattice
@@ -43,6 +42,8 @@ class Calibration:
 
     def solid(self, lattice: Floats) -> Floats:
         """The board's points (n, 3) in squares for lattice coordinates ``lattice`` (n, 2)."""
+        from scipy.spatial import cKDTree  # slow to load, and reading a camera needs none
+
         ids = cKDTree(board_lattice(self.corner_set.board)).query(lattice)[1]
         return np.asarray(self.board_points[ids])
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from typing import Any
-
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
+from typing import TYPE_CHECKING, Any
 
 from pinholify.calibration.result import Calibration
 from pinholify.evaluation.summary import Evaluation
 from pinholify.evaluation.verdict import Verdict
+
+if TYPE_CHECKING:  # slow to load, and --json prints no table
+    from rich.table import Table
 
 ASIDE_SHOWN = 8
 WIDTH = 78
@@ -83,6 +82,9 @@ def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
 
 def print_evaluation(evaluation: Evaluation, verdict: Verdict) -> None:
     """The evaluation for people, on standard output; lines are never broken, and coloured only on a terminal."""
+    from rich.console import Console
+    from rich.markup import escape
+
     console = Console(highlight=False, soft_wrap=True)
     calibration = evaluation.calibration
     used = sum(b.used for b in evaluation.boards)
@@ -150,6 +152,8 @@ def _millimetres(squares: float, square_mm: float | None) -> str:
 
 def _comparison(evaluation: Evaluation) -> Table:
     """Held-out and in-sample errors, never in one column."""
+    from rich.table import Table
+
     pooled = evaluation.pooled
     made_from_these = _boards_are_those_of_the_camera(evaluation)
     table = Table("model", "held out, px", "in sample, px", "RE in sample, %", box=None, pad_edge=True)

@@ -5,7 +5,7 @@ Pure functions of residuals, such as a :class:`~pinholify.refinement.result.Join
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -22,7 +22,8 @@ from pinholify.refinement.maps import JointMap
 from pinholify.refinement.model import cross_matrices, rotations_of
 
 NEIGHBOURS = 8
-SHUFFLES = 199
+GRID = 12  # points of the image along each axis over which the next board's gain is averaged
+ENOUGH_CORNERS = 45  # of a board, each standing for several, tell what all of them would bring
 SUSPICIOUS = 1e-4  # probability of so large a misfit, once corrected for the number of boards
 
 
@@ -57,29 +58,26 @@ class Structure:
     p_value: float
 
 
-def residual_structure(result: Residuals, corners: CornerSet, *, seed: int = 0) -> Structure:
+def residual_structure(result: Residuals, corners: CornerSet) -> Structure:
     """Moran's I of the whitened inlier residuals over the nearest corners of *other* boards (Moran 1950).
 
     What a camera model lacks shows where several boards agree, and a board's own error (its pose, its bow) does not:
-    hence other boards only. The null distribution turns each board's residuals as a whole by a random angle and
-    sign, which keeps what is alike within a board.
+    hence other boards only. The null distribution turns each board's residuals as a whole by a random angle, which
+    keeps what is alike within a board.
     """
     uv, whitened, board = _inliers(result, corners)
     first, second = _pairs_across_boards(uv, board)
     if not len(first):
         return Structure(0.0, 1.0)
-    power = float((whitened**2).sum(axis=1).mean())
-    observed = float((whitened[first] * whitened[second]).sum(axis=1).mean()) / power
-    rng = np.random.default_rng(seed)
-    null = np.empty(SHUFFLES)
-    for i in range(SHUFFLES):
-        angle = rng.uniform(0.0, 2.0 * np.pi, board.max() + 1)[board]
-        cosine, sine = np.cos(angle), np.sin(angle)
-        turned = np.column_stack(
-            [cosine * whitened[:, 0] - sine * whitened[:, 1], sine * whitened[:, 0] + cosine * whitened[:, 1]]
-        )
-        null[i] = (turned[first] * turned[second]).sum(axis=1).mean() / power
-    return Structure(observed, float(ndtr(-observed / null.std())))
+    z = whitened[:, 0] + 1j * whitened[:, 1]
+    count = int(board.max()) + 1
+    products = np.zeros((count, count), dtype=complex)  # of neighbours, summed for each pair of boards
+    np.add.at(products, (board[first], board[second]), np.conj(z[first]) * z[second])
+    # Turned by angles α, the sum is Σ Re exp(i(α_b − α_a)) products_ab; angles of different pairs are uncorrelated.
+    null_std = 0.5 * float(np.linalg.norm(products + np.conj(products.T)))
+    observed = float(products.sum().real)
+    power = float((whitened**2).sum(axis=1).mean()) * len(first)
+    return Structure(observed / power, float(ndtr(-observed / null_std)))
 
 
 def _inliers(result: Residuals, corners: CornerSet) -> tuple[Floats, Floats, Ints]:
@@ -159,18 +157,19 @@ def next_board(
     plane_map = camera.plane_map
     if not isinstance(plane_map, JointMap):
         return None
-    grid = _image_grid(camera.image_size, 12)
-    features = _px_features(plane_map, grid)
-    before = float(np.sqrt(((features @ plane_map.root) ** 2).sum(axis=(1, 2)).mean() / 2.0))
-    best: NextBoard | None = None
-    for pose in _placements(camera, board, known, targets, np.random.default_rng(seed)):
-        root = _root_after(camera, plane_map, board, pose)
-        if root is None:
-            continue
-        after = float(np.sqrt(((features @ root) ** 2).sum(axis=(1, 2)).mean() / 2.0))
-        if best is None or after < best.std_after:
-            best = NextBoard(pose, camera.project(pose.apply(_outline(board))), before, after)
-    return best
+    grid = _px_features(plane_map, _image_grid(camera.image_size, GRID))
+    spread = grid.reshape(-1, len(plane_map.root)) @ plane_map.root
+    variance = float((spread**2).sum())
+    best, most = None, -1.0
+    placements = list(_placements(camera, board, known, targets, np.random.default_rng(seed)))
+    for pose, uv in _within_image(camera, board, placements):
+        gain = _explained(camera, plane_map, board, pose, uv, spread)
+        if gain > most:
+            best, most = pose, gain
+    if best is None:
+        return None
+    before, after = (float(np.sqrt(sum_of_squares / len(spread))) for sum_of_squares in (variance, variance - most))
+    return NextBoard(best, camera.project(best.apply(_outline(board))), before, after)
 
 
 def _image_grid(image_size: tuple[int, int], count: int) -> Floats:
@@ -202,18 +201,28 @@ def _placements(
             yield Pose(tilt, distance * direction - tilt @ middle)
 
 
-def _root_after(camera: VirtualCamera, plane_map: JointMap, board: Board, pose: Pose) -> Floats | None:
-    """The root of the covariance once a board at ``pose`` were seen too; None where the image does not hold it."""
-    xyz = pose.apply(lattice(board))
-    uv = camera.project(xyz)
-    inside = np.isfinite(uv).all() and (uv > 0).all() and (uv < np.array(camera.image_size) - 1.0).all()
-    if not inside:
-        return None
-    rays = _px_features(plane_map, uv) @ plane_map.root
+def _within_image(camera: VirtualCamera, board: Board, poses: Sequence[Pose]) -> Iterator[tuple[Pose, Floats]]:
+    """Those of ``poses`` at which the image holds the whole board, and where its corners would be seen (n, 2)."""
+    points = lattice(board)
+    uv = camera.project(np.concatenate([pose.apply(points) for pose in poses])).reshape(len(poses), *points.shape)
+    for pose, seen in zip(poses, uv, strict=True):
+        if ((seen > 0) & (seen < np.array(camera.image_size) - 1.0)).all():
+            yield pose, seen
+
+
+def _explained(
+    camera: VirtualCamera, plane_map: JointMap, board: Board, pose: Pose, uv: Floats, spread: Floats
+) -> float:
+    """How much a board at ``pose``, its corners seen at ``uv``, takes off the sum of squares of ``spread`` (m, r): what
+    a root of the covariance moves.
+    """
+    every = max(1, len(uv) // ENOUGH_CORNERS)
+    xyz, uv = pose.apply(lattice(board))[::every], uv[::every]
     by_point = np.linalg.solve(plane_map.jacobian(uv), camera.chart.coordinate_jacobian(xyz))
-    turned = pose.apply(lattice(board)) - pose.translation
-    own = np.concatenate([-by_point @ cross_matrices(turned), by_point], axis=2).reshape(-1, 6)
-    rows = rays.reshape(len(own), -1)
-    rows = rows - own @ np.linalg.lstsq(own, rows, rcond=None)[0]  # the new board's own pose is free
-    information = np.eye(rows.shape[1]) + rows.T @ rows / camera.noise_px**2
-    return np.asarray(np.linalg.solve(np.linalg.cholesky(information), plane_map.root.T).T)
+    own = np.concatenate([-by_point @ cross_matrices(xyz - pose.translation), by_point], axis=2).reshape(-1, 6)
+    rows = _px_features(plane_map, uv).reshape(len(own), -1) @ plane_map.root
+    rows -= own @ np.linalg.lstsq(own, rows, rcond=None)[0]  # the new board's own pose is free
+    rows *= np.sqrt(every) / camera.noise_px
+    # Woodbury: (1 + BᵀB)⁻¹ = 1 − Bᵀ(1 + BBᵀ)⁻¹B with B the rows.
+    root = np.linalg.cholesky(np.eye(len(rows)) + rows @ rows.T)
+    return float((np.linalg.solve(root, rows @ spread.T) ** 2).sum())

@@ -76,27 +76,23 @@ class JointMap:
 
     def covariance(self, uv: Floats) -> Floats:
         """Covariance of q (n, 2, 2), radians²."""
-        half = self.features(uv) @ self.root
-        return half @ half.transpose(0, 2, 1)
+        return _covariances(self.features(uv), self.root)
 
     def covariance_up_to_turn(self, uv: Floats) -> Floats:
         """Covariance of q (n, 2, 2) once each error of the map is turned back as well as it goes, over all corners."""
-        features = self.features(uv)
-        half = features[:, :, :-POSE] @ self.root[:-POSE] + features[:, :, -POSE:-3] @ self.turn_root
-        return np.asarray(half @ half.transpose(0, 2, 1))
+        turned = np.concatenate([self.root[:-POSE], self.turn_root, np.zeros_like(self.turn_root)])
+        return _covariances(self.features(uv), turned)
 
     def with_turn_fitted(self, uv: Floats) -> JointMap:
         """The same map with :attr:`turn_root` fitted to its errors at pixels ``uv`` (n, 2)."""
         features = self.features(uv)
         turns = features[:, :, -POSE:-3].reshape(-1, 3)
-        errors = (features[:, :, :-POSE] @ self.root[:-POSE]).reshape(len(turns), -1)
-        turn_root = np.asarray(-np.linalg.lstsq(turns, errors, rcond=None)[0], dtype=np.float64)
-        return replace(self, turn_root=turn_root)
+        back = np.linalg.pinv(turns) @ features[:, :, :-POSE].reshape(len(turns), -1)
+        return replace(self, turn_root=-back @ self.root[:-POSE])
 
     def virtual_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) of virtual points, squares²: what the reference board's pose and K share cancels."""
-        half = self.virtual_features(uv) @ self.root
-        return np.asarray(half @ half.transpose(0, 2, 1))
+        return _covariances(self.virtual_features(uv), self.root)
 
     def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
         """uv (n, 2) of ``q``, on the trend's own branch; nan where it has none. ``reach`` is not needed."""
@@ -167,3 +163,12 @@ class JointMap:
         by_w = by_c @ inverse_2x2(by_ray)
         displacement = np.eye(2) + self.basis.combine(self.weights, w)[1]
         return by_w @ inverse_2x2(displacement), -by_w @ by_beta
+
+
+def _covariances(features: Floats, root: Floats) -> Floats:
+    """Covariances (n, 2, 2) of what moves by ``features`` (n, 2, D) with unknowns of covariance ``root`` (D, r) @ its
+    transpose.
+    """
+    # One large product: of n small ones each would read the whole root again.
+    half = (features.reshape(-1, len(root)) @ root).reshape(len(features), 2, -1)
+    return np.asarray(half @ half.transpose(0, 2, 1))
