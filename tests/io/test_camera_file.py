@@ -25,7 +25,7 @@ from pinholify.gp.fitting import fit_map
 from pinholify.gp.kernels import KERNELS
 from pinholify.gp.trends import TRENDS
 from pinholify.io import camera_file
-from pinholify.io.camera_file import TYPES, is_camera_file, read_camera, write_camera
+from pinholify.io.camera_file import HOMES, is_camera_file, read_camera, type_named, write_camera
 from pinholify.pipeline import calibrate
 from pinholify.refinement.trends import FAMILIES
 from pinholify.simulation.lenses import BrownConrady
@@ -112,11 +112,11 @@ def test_all_kernels_and_trends_may_be_kept():
     built += [trend for search in searches for trend in (search.general, *search.within)]
     built += [t.chart for t in built if hasattr(t, "chart")]
     for value in built:
-        assert TYPES[type(value).__name__] is type(value)
+        assert type_named(type(value).__name__) is type(value)
 
 
 def test_all_types_are_dataclasses_whose_fields_are_their_arguments():
-    for kind in TYPES.values():
+    for kind in map(type_named, HOMES):
         assert is_dataclass(kind)
         assert all(field.init for field in fields(kind))
 
@@ -327,7 +327,7 @@ def test_unknown_kind_is_a_mistake_of_ours(tmp_path, written):
     calibration = written[1]
     calibration.details["thing"] = object()
     try:
-        with pytest.raises(TypeError, match="object cannot be kept in a camera file; add it to TYPES"):
+        with pytest.raises(TypeError, match="object cannot be kept in a camera file; add it to HOMES"):
             write_camera(tmp_path / "c.npz", calibration)
     finally:
         del calibration.details["thing"]

@@ -1,13 +1,14 @@
 """The camera file: an ``.npz`` archive with a JSON header and plain arrays, written and read without pickle.
 
 ``header`` holds the format version, provenance, and the calibration as nested objects in which every array is a
-reference to another entry of the archive. Only the types in ``TYPES`` are ever built from a file, so a file cannot run
+reference to another entry of the archive. Only the types in ``HOMES`` are ever built from a file, so a file cannot run
 code. A new kernel, trend or map is one more line there.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import io
 import json
 import os
@@ -23,61 +24,53 @@ import numpy as np
 import pinholify
 from pinholify.board import Board, parse_board
 from pinholify.calibration.result import Calibration
-from pinholify.camera import Domain, VirtualCamera
-from pinholify.charts import AngleChart, Intrinsics, PlaneChart
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CameraFileError, PinholifyError
-from pinholify.geometry import ConvexRegion
-from pinholify.gp.kernels import Matern32, Matern52, RationalQuadratic, SquaredExponential
-from pinholify.gp.maps import AdditiveMap, DisplacementMap, Scaling
-from pinholify.gp.regression import GaussianProcess
-from pinholify.gp.trends import Homography, Lens, Polynomial
 from pinholify.io.files import atomic_path
-from pinholify.modes import SensorMode
-from pinholify.refinement import JointMap
-from pinholify.refinement.basis import SineBasis
-from pinholify.refinement.observations import ImageFrame
-from pinholify.refinement.trends import Angles, LensTrend, Plane, PolynomialTrend
-from pinholify.splines import SplineMap, SplineSurface
 
 FORMAT = "pinholify-camera"
 FORMAT_VERSION = 1
 MAX_BYTES = 1 << 30
 
-TYPES: dict[str, type[Any]] = {
-    cls.__name__: cls
-    for cls in (
-        AdditiveMap,
-        AngleChart,
-        Angles,
-        Calibration,
-        ConvexRegion,
-        DisplacementMap,
-        Domain,
-        GaussianProcess,
-        Homography,
-        ImageFrame,
-        Intrinsics,
-        JointMap,
-        Lens,
-        LensTrend,
-        Matern32,
-        Matern52,
-        Plane,
-        PlaneChart,
-        Polynomial,
-        PolynomialTrend,
-        RationalQuadratic,
-        Scaling,
-        SensorMode,
-        SineBasis,
-        SplineMap,
-        SplineSurface,
-        SquaredExponential,
-        VirtualCamera,
-    )
+HOMES = {
+    "AdditiveMap": "gp.maps",
+    "AngleChart": "charts",
+    "Angles": "refinement.trends.base",
+    "Calibration": "calibration.result",
+    "ConvexRegion": "geometry",
+    "DisplacementMap": "gp.maps",
+    "Domain": "camera",
+    "GaussianProcess": "gp.regression",
+    "Homography": "gp.trends",
+    "ImageFrame": "refinement.observations",
+    "Intrinsics": "charts",
+    "JointMap": "refinement.maps",
+    "Lens": "gp.trends",
+    "LensTrend": "refinement.trends.radial",
+    "Matern32": "gp.kernels",
+    "Matern52": "gp.kernels",
+    "Plane": "refinement.trends.base",
+    "PlaneChart": "charts",
+    "Polynomial": "gp.trends",
+    "PolynomialTrend": "refinement.trends.polynomial",
+    "RationalQuadratic": "gp.kernels",
+    "Scaling": "gp.maps",
+    "SensorMode": "modes",
+    "SineBasis": "refinement.basis",
+    "SplineMap": "splines",
+    "SplineSurface": "splines",
+    "SquaredExponential": "gp.kernels",
+    "VirtualCamera": "camera",
 }
-"""Every type a camera file may hold, by its name there."""
+"""Every type a camera file may hold, by its name there, and the module it lives in. Only those that a file holds are
+loaded.
+"""
+
+
+def type_named(name: str) -> type[Any]:
+    """The type that camera files call ``name``; raises KeyError where they may not hold one."""
+    found: type[Any] = getattr(importlib.import_module(f"pinholify.{HOMES[name]}"), name)
+    return found
 
 
 def write_camera(path: str | os.PathLike[str], calibration: Calibration) -> None:
@@ -182,7 +175,7 @@ def _encode(value: Any, path: str, arrays: dict[str, Any]) -> Any:
     if isinstance(value, CornerSet):
         return _encode_corners(value, path, arrays)
     kind = type(value).__name__
-    if kind in TYPES:
+    if kind in HOMES:
         names = [field.name for field in dataclasses.fields(value)]
         return {"type": kind, "fields": {n: _encode(getattr(value, n), f"{path}.{n}", arrays) for n in names}}
     if isinstance(value, dict):
@@ -193,7 +186,7 @@ def _encode(value: Any, path: str, arrays: dict[str, Any]) -> Any:
         return value.item()
     if isinstance(value, (str, int, float, bool, NoneType)):
         return value
-    raise TypeError(f"a {kind} cannot be kept in a camera file; add it to TYPES")
+    raise TypeError(f"a {kind} cannot be kept in a camera file; add it to HOMES")
 
 
 def _decode(value: Any, arrays: dict[str, Any]) -> Any:
@@ -204,7 +197,7 @@ def _decode(value: Any, arrays: dict[str, Any]) -> Any:
     if "corners" in value:
         return _decode_corners(value["corners"], arrays)
     if "type" in value:
-        return TYPES[value["type"]](**{k: _decode(v, arrays) for k, v in value["fields"].items()})
+        return type_named(value["type"])(**{k: _decode(v, arrays) for k, v in value["fields"].items()})
     if "dict" in value:
         return {k: _decode(v, arrays) for k, v in value["dict"].items()}
     return tuple(_decode(v, arrays) for v in value["list"])
