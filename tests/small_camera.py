@@ -6,13 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pinholify.board import Checkerboard
+from pinholify.board import Checkerboard, lattice
+from pinholify.camera import Domain, VirtualCamera
+from pinholify.charts import Intrinsics, PlaneChart
 from pinholify.corners import Corners, CornerSet
-from pinholify.geometry import Pose
+from pinholify.geometry import Pose, convex_hull
+from pinholify.gp.fitting import fit_map
 from pinholify.simulation.datasets import Dataset
 from pinholify.simulation.lenses import BrownConrady
 from pinholify.simulation.photograph import Sensor
-from pinholify.simulation.views import true_corners
+from pinholify.simulation.views import board_poses, true_corners, virtual_camera
 
 BOARD = Checkerboard(9, 6)
 SIZE = (640, 480)
@@ -29,3 +32,12 @@ def corner_set(poses: Sequence[Pose], *, noise: float = 0.05, lens: BrownConrady
         uv = true_corners(lens, BOARD, pose)
         views.append(Corners(f"a{i}.png", np.arange(len(uv)), uv + rng.normal(0, noise, uv.shape)))
     return CornerSet(BOARD, SIZE, tuple(views))
+
+
+def quick_camera() -> VirtualCamera:
+    """The small camera as one noisy view of a board that fills the frame shows it; K is the true one."""
+    pose = board_poses((LENS,), BOARD, 1, seed=3)[0]
+    uv = corner_set([pose]).views[0].uv
+    fitted = fit_map(uv, lattice(BOARD), kernel="se", trend="lens:2")
+    intrinsics = Intrinsics(*virtual_camera(pose))
+    return VirtualCamera(fitted.map, PlaneChart(intrinsics), intrinsics, Domain(convex_hull(uv)), SIZE, fitted.noise)

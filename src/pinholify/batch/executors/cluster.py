@@ -26,7 +26,7 @@ def on_cluster(work: Work, jobs: Sequence[Job], where: str) -> Iterator[Outcome]
         shared = client.submit(_itself, work, pure=False)
         futures = client.map(attempt, [shared] * len(jobs), [_elsewhere(job) for job in jobs], pure=False)
         job_of = {future.key: job for future, job in zip(futures, jobs, strict=True)}
-        for future in distributed.as_completed(futures):
+        for future in distributed.as_completed(futures, loop=client.loop):
             yield _outcome(distributed, future, job_of[future.key])
 
 

@@ -30,15 +30,19 @@ def in_processes(work: Work, jobs: Sequence[Job], where: str) -> Iterator[Outcom
     suspects: list[Job] = []
     while batch := list(islice(waiting, AHEAD * workers)):
         suspects += yield from _until_a_death(work, batch, waiting, workers)
-    for job in suspects:
-        if (yield from _until_a_death(work, [job], iter(()), 1)):
+    waiting = iter(suspects)
+    while alone := list(islice(waiting, 1)):
+        for job in (yield from _until_a_death(work, alone, waiting, 1)):
             yield Outcome(job, f"'{job.source}': the process that worked on it died, twice; perhaps for want of memory")
 
 
 def _until_a_death(
     work: Work, first: Sequence[Job], waiting: Iterator[Job], workers: int
 ) -> Generator[Outcome, None, list[Job]]:
-    """Do the ``first`` jobs, and those that are ``waiting`` as they end; when a process dies, what it may be due to."""
+    """Do the ``first`` jobs and, as they end, those that are ``waiting``, until a process dies: the jobs it may be due to.
+
+    No more than the ``first`` are given out at a time, so of one there is no doubt.
+    """
     lost: list[Job] = []
     with _pool(workers) as pool:
         running = {_submit(pool, work, job): job for job in first}
