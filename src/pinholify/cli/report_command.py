@@ -1,0 +1,112 @@
+"""``pinholify report``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pinholify.cli.options import check_output, examples, force_option, json_option, progress, say
+from pinholify.cli.sources import solving
+
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.calibration.result import Calibration
+    from pinholify.evaluation.summary import Evaluation
+    from pinholify.evaluation.verdict import Verdict
+    from pinholify.report.contents import Report
+    from pinholify.report.photographs import Photographs
+
+FORMATS = ("html", "md", "json")
+
+
+@click.command(
+    "report",
+    epilog=examples(
+        "pinholify report camera.npz photos/ -o report.html",
+        "pinholify report camera.npz --format md -o ticket.md",
+    ),
+)
+@click.argument("camera", type=click.Path(path_type=Path))
+@click.argument("images", nargs=-1, type=click.Path(path_type=Path))
+@click.option("-o", "output", type=click.Path(path_type=Path), help="File to write; by default report.html (or .md …).")
+@click.option("--format", "form", type=click.Choice(FORMATS),
+              help="html: one page that holds everything; md: words and tables; json: numbers. Default: as -o ends.")
+@click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
+@click.option("--heldout/--no-heldout", default=True, show_default=True,
+              help="Calibrate again on half of the boards to score the others.")
+@json_option
+@force_option
+def command(
+    camera: Path,
+    images: tuple[Path, ...],
+    output: Path | None,
+    form: str | None,
+    opencv: bool,
+    heldout: bool,
+    as_json: bool,
+    force: bool,
+) -> None:
+    """Tell how good CAMERA is, on one page that needs nothing else.
+
+    IMAGES (files or folders) are the photographs it was made from, and perhaps another of the same camera to show
+    straightened; without any, they are looked for beside the camera file and in the current folder. With --json the
+    report's numbers go to standard output, and a file is written only where -o names one.
+    """
+    from pinholify.io.camera_file import read_camera
+    from pinholify.report.evaluated import evaluated
+    from pinholify.report.formats import render, write_report
+
+    form, path = target(output, form)
+    if output or not as_json:
+        check_report_output(path, (camera, *images), force=force)
+    calibration = read_camera(camera)
+    photographs = find_photographs(calibration, images, camera)
+    with solving():
+        evaluation, verdict = evaluated(calibration, opencv=opencv, heldout=heldout)
+    report = gathered_report(evaluation, verdict, photographs, camera)
+    if output or not as_json:
+        write_report(path, report, form)
+    if as_json:
+        click.echo(render(report, "json"), nl=False)
+        return
+    for sentence in report.missing:
+        say(f"note: {sentence}")
+    click.echo(f"wrote {path}")
+
+
+def target(output: Path | None, form: str | None) -> tuple[str, Path]:
+    """The format and the file to write: the one that is asked for tells the other."""
+    ending = output.suffix.lower().removeprefix(".") if output is not None else ""
+    chosen = form or (ending if ending in FORMATS else "html")
+    return chosen, output or Path(f"report.{chosen}")
+
+
+def check_report_output(path: Path, inputs: Sequence[Path], *, force: bool) -> None:
+    """Raise OutputError where the report may not be written to ``path``."""
+    from pinholify.report.formats import is_report
+
+    check_output(path, force=force, is_ours=is_report, inputs=inputs)
+
+
+def find_photographs(calibration: Calibration, images: Sequence[Path], camera: Path) -> Photographs:
+    """The files of the camera's photographs: among ``images``, or beside the ``camera`` file or here."""
+    from pinholify.io.images import image_paths
+    from pinholify.report.photographs import matched, nearby
+
+    names = [view.name for view in calibration.corner_set.views]
+    return matched(names, image_paths(images)) if images else nearby(names, (camera.absolute().parent, Path()))
+
+
+def gathered_report(evaluation: Evaluation, verdict: Verdict, photographs: Photographs, camera: Path) -> Report:
+    """The report of an evaluated ``camera`` file, its photographs read with a progress bar."""
+    from pinholify.report.contents import make_report
+    from pinholify.report.pictures import read_pictures
+    from pinholify.report.provenance import provenance_of
+
+    with progress("Reading photographs", len(photographs.by_name)) as advance:
+        pictures = read_pictures(
+            evaluation.calibration, photographs.by_name, photographs.others, on_read=lambda: advance()
+        )
+    return make_report(evaluation, verdict, provenance_of(camera), pictures)

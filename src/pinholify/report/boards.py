@@ -1,0 +1,112 @@
+"""Each photograph: what was found in it, how well it fits, whether it counts, and why not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+from pinholify.calibration.observation import ObservedBoard
+from pinholify.calibration.result import Calibration
+from pinholify.corners import Corners
+from pinholify.evaluation.measures import rms
+from pinholify.evaluation.summary import BoardScore, Evaluation
+from pinholify.evaluation.verdict import Residuals, Verdict
+from pinholify.report.pictures import Picture, Pictures
+
+NOT_FITTED = "it was left out of the fit"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardEntry:
+    """One photograph of the calibration.
+
+    ``corners`` (n, 2) px with their ``residuals`` (n, 2) px, nan where a corner did not count (``counted`` (n,)).
+    ``dropped`` corners were found wrong by the fit. ``rms_px`` and ``worst_px`` are per point; ``ratio`` tells by how
+    much a board that looks wrong exceeds the noise. ``distance`` (squares) and ``tilt_degrees`` are of its middle and
+    its plane against the line of sight to it.
+    """
+
+    name: str
+    included: bool
+    reason: str
+    is_reference: bool
+    corners: Floats
+    residuals: Floats
+    counted: Bools
+    dropped: int
+    rms_px: float | None
+    worst_px: float | None
+    ce: float | None
+    re_percent: float | None
+    ratio: float | None
+    distance: float | None
+    tilt_degrees: float | None
+    orientation_assumed: bool
+    ambiguous_offset: bool
+    thumbnail: Picture | None
+
+
+def boards_of(
+    evaluation: Evaluation, verdict: Verdict, seen: Residuals, pictures: Pictures
+) -> tuple[BoardEntry, ...]:
+    """An entry a photograph, in their order."""
+    ratios = {suspicion.name: suspicion.ratio for suspicion in verdict.suspicious}
+    views = evaluation.calibration.corner_set.views
+    return tuple(
+        _entry(evaluation, view, score, seen, ratios.get(view.name), pictures.thumbnails.get(view.name))
+        for view, score in zip(views, evaluation.boards, strict=True)
+    )
+
+
+def _entry(
+    evaluation: Evaluation,
+    view: Corners,
+    score: BoardScore,
+    seen: Residuals,
+    ratio: float | None,
+    thumbnail: Picture | None,
+) -> BoardEntry:
+    calibration = evaluation.calibration
+    left_out = _named(calibration, "dropped_boards").get(view.name)
+    residuals = seen.residuals.get(view.name, np.full((len(view), 2), np.nan))
+    counted = seen.inliers.get(view.name, np.zeros(len(view), dtype=bool))
+    lengths = np.linalg.norm(residuals[counted], axis=1)
+    distance, tilt = _stands(calibration, evaluation.observed.get(view.name))
+    return BoardEntry(
+        view.name,
+        score.used and left_out is None,
+        score.reason or (str(left_out) if left_out is not None else "") or ("" if score.used else NOT_FITTED),
+        view.name == calibration.reference,
+        view.uv,
+        residuals,
+        counted,
+        int(_named(calibration, "dropped_corners").get(view.name, 0)),
+        rms(residuals[counted]) if len(lengths) else None,
+        float(lengths.max()) if len(lengths) else None,
+        score.ce,
+        score.re_refined_percent,
+        ratio,
+        distance,
+        tilt,
+        view.orientation_assumed,
+        view.ambiguous_offset,
+        thumbnail,
+    )
+
+
+def _named(calibration: Calibration, key: str) -> dict[str, int]:
+    """A table of the calibration's details by image; empty where its method has none."""
+    table = calibration.details.get(key)
+    return table if isinstance(table, dict) else {}
+
+
+def _stands(calibration: Calibration, observed: ObservedBoard | None) -> tuple[float | None, float | None]:
+    """Distance of a board's middle in squares, and the angle between its normal and the line of sight, degrees."""
+    if observed is None:
+        return None, None
+    middle = observed.refined.apply(calibration.board_points.mean(axis=0, keepdims=True))[0]
+    distance = float(np.linalg.norm(middle))
+    cosine = abs(float(observed.refined.rotation[:, 2] @ middle)) / distance
+    return distance, float(np.degrees(np.arccos(min(1.0, cosine))))

@@ -1,0 +1,136 @@
+"""What a report says: a frozen value, computed once, that every format renders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pinholify import __version__
+from pinholify.evaluation.summary import Evaluation, OpenCVScore
+from pinholify.evaluation.verdict import Verdict, residuals_of
+from pinholify.report.boards import BoardEntry, boards_of
+from pinholify.report.maps import (
+    Certainty,
+    Coverage,
+    ResidualField,
+    certainty_of,
+    coverage_of,
+    residual_field,
+)
+from pinholify.report.model import Model, model_of
+from pinholify.report.overview import Intrinsics, Overview, intrinsics_of, overview_of
+from pinholify.report.pictures import Frame, Pictures
+from pinholify.report.provenance import Provenance
+from pinholify.report.scene import Scene, scene_of
+from pinholify.report.straightness import Straightness, straightness_of
+from pinholify.report.usage import Snippet, snippets
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Errors in px a point of this camera and of OpenCV's ``models``, on the same corners.
+
+    ``heldout_px`` is on photographs left out of the fit; None (and ``heldout_reason``) where there is none.
+    """
+
+    method: str
+    heldout_px: float | None
+    heldout_reason: str
+    kfold_px: float | None
+    insample_px: float
+    re_percent: float
+    models: dict[str, OpenCVScore]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Report:
+    """A calibration, told. Lengths in squares and px, angles in degrees; ``image_size`` (width, height) px.
+
+    ``board`` is the board's description; ``missing`` are sentences about what could not be shown and how to get it.
+    """
+
+    software: str
+    provenance: Provenance
+    board: str
+    image_size: tuple[int, int]
+    overview: Overview
+    frames: tuple[Frame, ...]
+    intrinsics: Intrinsics
+    boards: tuple[BoardEntry, ...]
+    coverage: Coverage
+    certainty: Certainty
+    residuals: ResidualField
+    straightness: Straightness
+    scene: Scene
+    model: Model
+    comparison: Comparison
+    usage: tuple[Snippet, ...]
+    missing: tuple[str, ...]
+
+
+def make_report(
+    evaluation: Evaluation, verdict: Verdict, provenance: Provenance, pictures: Pictures | None = None
+) -> Report:
+    """The report of a calibration ``evaluation`` on its own corners, and the ``verdict`` on it.
+
+    ``pictures`` are its photographs (:func:`~pinholify.report.pictures.read_pictures`); without them the report says
+    what is missing. Pure: reads no file.
+    """
+    calibration = evaluation.calibration
+    pictures = Pictures() if pictures is None else pictures
+    seen = residuals_of(evaluation, calibration.corner_set)
+    return Report(
+        f"pinholify {__version__}",
+        provenance,
+        calibration.corner_set.board.spec,
+        calibration.camera.image_size,
+        overview_of(evaluation, verdict),
+        pictures.frames,
+        intrinsics_of(evaluation),
+        boards_of(evaluation, verdict, seen, pictures),
+        coverage_of(calibration, verdict, seen),
+        certainty_of(calibration.camera),
+        residual_field(calibration, verdict, seen),
+        straightness_of(evaluation),
+        scene_of(evaluation),
+        model_of(evaluation),
+        _comparison(evaluation),
+        snippets(provenance.file, calibration.camera.image_size),
+        tuple(_missing(evaluation, pictures, provenance.file)),
+    )
+
+
+def _comparison(evaluation: Evaluation) -> Comparison:
+    pooled = evaluation.pooled
+    return Comparison(
+        evaluation.calibration.method,
+        evaluation.heldout_px,
+        evaluation.heldout_reason,
+        evaluation.kfold_px,
+        pooled.re_px,
+        pooled.re_refined_percent,
+        evaluation.opencv,
+    )
+
+
+def _missing(evaluation: Evaluation, pictures: Pictures, file: str) -> list[str]:
+    views = evaluation.calibration.corner_set.views
+    sentences = []
+    if not pictures.thumbnails:
+        sentences.append(
+            "The photographs were not at hand, so there is no straightened picture, and boards are drawn without "
+            f"their photographs; give them: pinholify report {file} PHOTOGRAPHS -o report.html."
+        )
+    elif len(pictures.thumbnails) < len(views):
+        names = [view.name for view in views if view.name not in pictures.thumbnails]
+        others = f" and {len(names) - 3} more" if len(names) > 3 else ""
+        sentences.append(
+            f"{len(names)} of the {len(views)} photographs are missing here ({', '.join(names[:3])}{others}); "
+            "give them all to see them."
+        )
+    if evaluation.heldout_px is None:
+        sentences.append(f"There is no held-out error: {evaluation.heldout_reason}.")
+    if evaluation.lines is None:
+        sentences.append("The lines of sight are not drawn: they need at least three boards that count.")
+    if not evaluation.opencv:
+        sentences.append("OpenCV's models were not fitted to compare with; leave out --no-opencv to see them.")
+    return sentences

@@ -1,0 +1,107 @@
+"""Drawings over the image's own area: coverage, standard deviation, residuals."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from pinholify.arrays import Floats
+from pinholify.report.contents import Report
+from pinholify.report.html.markup import Markup, dots, drawing, element, joined, outline, polylines
+from pinholify.report.numerals import px
+
+LAYER = 0.17  # opacity that each level of standard deviation adds
+MOST_DOTS = 4000
+CLOUD = 400.0  # units of the cloud's drawing
+CLOUD_REACH = 4.0  # standard deviations that it shows at least
+HEAD = 0.3  # of an arrow's length
+
+
+def coverage_map(report: Report) -> Markup:
+    """Boards seen, the area believed and the next board."""
+    size, coverage = report.image_size, report.coverage
+    width = size[0]
+    corners = np.concatenate([entry.corners[entry.counted] for entry in report.boards])
+    boards = (outline([polygon], "layer", opacity=_layer(len(coverage.boards))) for polygon in coverage.boards)
+    parts = [*boards, dots(_thinned(corners), "speck", stroke_width=width / 260)]
+    parts.append(outline(coverage.believed, "believed", stroke_width=width / 240))
+    if coverage.next_board is not None:
+        dashes = f"{width / 60:.1f} {width / 90:.1f}"
+        parts.append(outline([coverage.next_board], "next", stroke_width=width / 200, stroke_dasharray=dashes))
+    label = f"Map of the image: boards cover it as far as the outline goes, {coverage.share:.0%} of it is believed"
+    return _framed(drawing(size, *parts, label=label))
+
+
+def _layer(count: int) -> str:
+    """Opacity of one board's area among ``count``: all together never quite hide each other."""
+    return f"{float(np.clip(1.6 / max(count, 1), 0.03, 0.3)):.3f}"
+
+
+def _framed(*content: str) -> Markup:
+    return element("div", *content, class_="frame")
+
+
+def _thinned(points: Floats) -> Floats:
+    every = max(1, -(-len(points) // MOST_DOTS))
+    return points[::every]
+
+
+def certainty_map(report: Report) -> Markup:
+    """Levels of the standard deviation, with their legend."""
+    certainty = report.certainty
+    layers = (outline(region, "layer", opacity=LAYER) for region in certainty.regions)
+    believed = outline(report.coverage.believed, "believed", stroke_width=report.image_size[0] / 240)
+    label = (
+        f"Map of the standard deviation over the image: median {px(certainty.inside_px)} where the camera is believed"
+    )
+    return joined([_framed(drawing(report.image_size, *layers, believed, label=label)), _legend(certainty.levels)])
+
+
+def _legend(levels: tuple[float, ...]) -> Markup:
+    """What each strength of colour means."""
+    names = [f"below {levels[0]:g} px"] if levels else ["below the lowest level"]
+    names += [f"{low:g} – {high:g}" for low, high in pairwise(levels)]
+    names += [f"above {levels[-1]:g}"] if levels else []
+    items = (
+        element("li", element("span", class_="swatch", style=f"--depth:{1 - (1 - LAYER) ** i:.3f}"), name)
+        for i, name in enumerate(names)
+    )
+    return element("ul", *items, class_="legend")
+
+
+def residual_map(report: Report) -> Markup:
+    """Mean residuals over the image, and all of them around zero."""
+    field = report.residuals
+    tips = field.centres + field.magnification * field.means
+    arrows = [_arrow(start, tip) for start, tip in zip(field.centres, tips, strict=True)]
+    width = report.image_size[0]
+    parts = [
+        dots(field.centres, "speck", stroke_width=width / 200),
+        polylines(arrows, "arrow", stroke_width=f"{width / 320:.2f}"),
+    ]
+    label = f"Mean residuals over the image, {field.magnification:g} times as long as they are"
+    return element("div", _framed(drawing(report.image_size, *parts, label=label)), _cloud(report), class_="pair wide")
+
+
+def _arrow(start: Floats, tip: Floats) -> Floats:
+    """A line from ``start`` to ``tip`` and back along two barbs."""
+    back = HEAD * (start - tip)
+    aside = np.array([-back[1], back[0]]) * 0.6
+    return np.array([start, tip, tip + back + aside, tip, tip + back - aside])
+
+
+def _cloud(report: Report) -> Markup:
+    field = report.residuals
+    spread = float(np.quantile(np.abs(field.all), 0.999)) if len(field.all) else 0.0
+    reach = max(CLOUD_REACH * field.noise_px, spread, 1e-9)
+    places = CLOUD / 2 * (1.0 + _thinned(np.clip(field.all / reach, -1.0, 1.0)))
+    middle = CLOUD / 2
+    rings = (
+        element("circle", cx=middle, cy=middle, r=f"{middle * k * field.noise_px / reach:.1f}", class_="ring")
+        for k in (1, 2, 3)
+    )
+    cross = [np.array([[middle, 0.0], [middle, CLOUD]]), np.array([[0.0, middle], [CLOUD, middle]])]
+    content = [polylines(cross, "axis"), dots(places, "speck", stroke_width=4), *rings]
+    label = f"All residuals around zero, {px(reach)} to each side"
+    return _framed(drawing((CLOUD, CLOUD), *content, label=label))

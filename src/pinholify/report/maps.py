@@ -1,0 +1,135 @@
+"""Over the image: where boards were seen, how well the map is known, and what the residuals leave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Floats
+from pinholify.calibration.result import Calibration
+from pinholify.camera import VirtualCamera
+from pinholify.evaluation.measures import rms
+from pinholify.evaluation.verdict import Residuals, Verdict
+from pinholify.geometry import convex_hull
+from pinholify.report.contours import Polygons, grid_pixels, region_inside, regions_above
+
+LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # px
+UNKNOWN = 1e9  # px, where the camera has no answer
+CELLS = 16  # along the image's longer side
+FEWEST_IN_CELL = 3
+SHOWN_ARROW = 0.8  # of a cell: how long the longest arrow of the residual field is drawn
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coverage:
+    """Outlines (n, 2) px: of each counted board's corners, of where the camera is believed, of the best next board.
+
+    ``share`` is the part of the image that is believed.
+    """
+
+    share: float
+    believed: Polygons
+    boards: Polygons
+    next_board: Floats | None
+
+
+def coverage_of(calibration: Calibration, verdict: Verdict, seen: Residuals) -> Coverage:
+    """Where boards were seen."""
+    camera = calibration.camera
+    log_std, limit = np.log(_std(camera)), np.log(camera.domain.max_std)
+    views = [view for view in calibration.corner_set.found if view.name in seen.inliers]
+    return Coverage(
+        verdict.coverage,
+        region_inside(camera.domain.hull, log_std, limit, camera.image_size),
+        tuple(convex_hull(view.uv[seen.inliers[view.name]]).vertices for view in views),
+        None if verdict.next_board is None else verdict.next_board.outline,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Certainty:
+    """Standard deviation of the map's shape in px, over the image.
+
+    ``regions`` are where it is at least each of ``levels`` px; ``inside_px`` and ``image_px`` are its medians where the
+    camera is believed and over the whole image.
+    """
+
+    levels: tuple[float, ...]
+    regions: tuple[Polygons, ...]
+    inside_px: float
+    image_px: float
+
+
+def certainty_of(camera: VirtualCamera) -> Certainty:
+    """How well the map of ``camera`` is known, at each place of its image."""
+    std = _std(camera)
+    lowest = max((level for level in LEVELS if level <= std.min()), default=LEVELS[0])
+    levels = tuple(level for level in LEVELS if lowest <= level <= std.max())
+    regions = regions_above(np.log(std), tuple(np.log(levels)), camera.image_size)
+    inside = camera.inside(grid_pixels(camera.image_size))
+    within = float(np.median(std[inside])) if inside.any() else float("nan")
+    return Certainty(levels, regions, within, float(np.median(std)))
+
+
+def _std(camera: VirtualCamera) -> Floats:
+    """Standard deviation (n,) px of the map's shape at the grid's nodes, positive and finite."""
+    with np.errstate(all="ignore"):
+        std = camera.shape_std(grid_pixels(camera.image_size))
+    return np.clip(np.nan_to_num(std, nan=UNKNOWN), 1.0 / UNKNOWN, UNKNOWN)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResidualField:
+    """Residuals averaged over cells of the image, px, and the test for structure among all of them.
+
+    ``centres`` (n, 2) px with the ``means`` (n, 2) px of their cells; drawn ``magnification`` times as long.
+    ``all`` (m, 2) px are the residuals themselves, ``rms_px`` their root mean square a point, ``noise_px`` the
+    corners' noise per axis. ``correlation`` is between neighbours on different boards; ``p_value`` the probability of
+    as much where there is no structure.
+    """
+
+    centres: Floats
+    means: Floats
+    magnification: float
+    all: Floats
+    rms_px: float
+    noise_px: float
+    correlation: float
+    p_value: float
+
+
+def residual_field(calibration: Calibration, verdict: Verdict, seen: Residuals) -> ResidualField:
+    """The field of what the camera leaves unexplained."""
+    views = [view for view in calibration.corner_set.found if view.name in seen.residuals]
+    uv = np.concatenate([view.uv[seen.inliers[view.name]] for view in views])
+    residuals = np.concatenate([seen.residuals[view.name][seen.inliers[view.name]] for view in views])
+    width, height = calibration.camera.image_size
+    cell = max(width, height) / CELLS
+    centres, means = _cell_means(uv, residuals, cell)
+    longest = float(np.linalg.norm(means, axis=1).max(initial=0.0))
+    return ResidualField(
+        centres,
+        means,
+        round_down(SHOWN_ARROW * cell / longest) if longest > 0 else 1.0,
+        residuals,
+        rms(residuals),
+        calibration.camera.noise_px,
+        verdict.structure.correlation,
+        verdict.structure.p_value,
+    )
+
+
+def _cell_means(uv: Floats, residuals: Floats, cell: float) -> tuple[Floats, Floats]:
+    """Centres and mean residuals of the cells that hold enough corners."""
+    places, index, counts = np.unique(np.floor(uv / cell), axis=0, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(places), 2))
+    np.add.at(sums, index.reshape(-1), residuals)
+    enough = counts >= FEWEST_IN_CELL
+    return (places[enough] + 0.5) * cell, sums[enough] / counts[enough, None]
+
+
+def round_down(value: float) -> float:
+    """The largest of …, 1, 2, 5, 10, … that is at most ``value`` > 0."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(m for m in (1.0, 2.0, 5.0) if m * power <= value * (1 + 1e-12)))

@@ -1,0 +1,86 @@
+"""What the calibration chose, and the board as it found it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.calibration.result import Calibration
+from pinholify.evaluation.summary import Evaluation
+from pinholify.gp.maps import AdditiveMap, DisplacementMap
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """A Gaussian process: its standard deviation and length scales, in ``unit`` and px."""
+
+    of: str
+    std: float
+    unit: str
+    length_scales_px: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Method, kernel and trend; ``processes`` none where the evidence switched the process off.
+
+    ``candidates`` are the trends tried, best first, with how much less their log evidence is than the best's.
+    ``bow`` (squares) and ``stretch`` (fraction) tell how the board differs from a flat lattice of squares, None where
+    the data prefer one that does not. ``singular_values`` are those of the closed-form solve.
+    """
+
+    method: str
+    kernel: str
+    trend: str
+    noise_px: float
+    processes: tuple[Process, ...]
+    candidates: tuple[tuple[str, float], ...]
+    bow: float | None
+    stretch: float | None
+    square_mm: float | None
+    singular_values: tuple[float, ...]
+
+
+def model_of(evaluation: Evaluation) -> Model:
+    """The model of the evaluated camera."""
+    calibration = evaluation.calibration
+    details = calibration.details
+    evidence = details.get("log_evidence")
+    ordered = sorted(evidence.items(), key=lambda pair: -pair[1]) if isinstance(evidence, dict) else []
+    values = details.get("singular_values")
+    return Model(
+        calibration.method,
+        calibration.kernel,
+        calibration.trend,
+        calibration.camera.noise_px,
+        _processes(calibration),
+        tuple((name, float(ordered[0][1] - value)) for name, value in ordered),
+        _number(details.get("board_bow_squares")),
+        _number(details.get("board_stretch")),
+        calibration.square_mm,
+        tuple(float(v) for v in values) if isinstance(values, (list, tuple)) else (),
+    )
+
+
+def _processes(calibration: Calibration) -> tuple[Process, ...]:
+    plane_map, kernel_px = calibration.camera.plane_map, calibration.details.get("kernel_px")
+    if isinstance(kernel_px, (list, tuple)) and len(kernel_px):
+        values = tuple(float(value) for value in kernel_px)
+        return (Process("displacement in the image", values[0], "px", values[1:]),)
+    if isinstance(plane_map, DisplacementMap):
+        kernel, px = plane_map.process.kernel, float(np.mean(plane_map.inputs.scale))
+        scales = tuple(float(s) * px for s in kernel.length_scale)
+        return (Process("displacement in the image", kernel.std * px, "px", scales),)
+    if isinstance(plane_map, AdditiveMap):
+        px, squares = float(np.mean(plane_map.inputs.scale)), float(np.mean(plane_map.outputs.scale))
+        kernels = [process.kernel for process in plane_map.processes]
+        return tuple(
+            Process(f"virtual {axis}", k.std * squares, "squares", tuple(float(s) * px for s in k.length_scale))
+            for axis, k in zip("xy", kernels, strict=True)
+        )
+    return ()
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, (int, float)) else None

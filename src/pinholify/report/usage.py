@@ -1,0 +1,72 @@
+"""How to use this very camera: lines to copy."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Snippet:
+    """Lines to copy under a ``title``, in a ``language`` (python, sh)."""
+
+    title: str
+    language: str
+    text: str
+
+
+PYTHON = """\
+import pinholify
+
+camera = pinholify.read_camera({file!r}).camera
+
+straighten = pinholify.Straightener(camera)      # builds its map once, then a few ms a picture
+straight = straighten(pinholify.read_image("photo.jpg"))
+pinholify.write_image("straight.png", straight)
+pinhole = straighten.view.matrix                 # K (3, 3) px of the straight picture, no distortion
+"""
+
+RAYS = """\
+import numpy as np
+import pinholify
+
+camera = pinholify.read_camera({file!r}).camera
+pixels = np.array([{centre}, [0.0, 0.0]])        # (n, 2), integer = centre of a pixel
+
+rays = camera.to_rays(pixels)
+rays.directions                                  # (n, 3) unit vectors, x right, y down, z ahead
+rays.std_px                                      # (n,) how well each is known, px
+camera.project(rays.directions)                  # and back: (n, 2) px
+"""
+
+OPENCV = """\
+import cv2
+import pinholify
+
+camera = pinholify.read_camera({file!r}).camera
+view = pinholify.named_view(camera, "camera", None, None)
+uv = pinholify.rectification_map(camera, view).uv
+
+straight = cv2.remap(cv2.imread("photo.jpg"), uv, None, cv2.INTER_CUBIC)
+matrix, distortion = view.matrix, None           # for cv2.solvePnP and all that wants K of the straight picture
+"""
+
+SHELL = """\
+pinholify undistort {file} photos/ -o straight/
+pinholify map {file} --to rays points.csv -o rays.csv
+pinholify export {file} --format ros -o camera_info.yaml
+pinholify export {file} --format colmap -o cameras.txt
+pinholify evaluate {file} new-photos/
+"""
+
+
+def snippets(file: str, image_size: tuple[int, int]) -> tuple[Snippet, ...]:
+    """What to do with the camera file called ``file``."""
+    width, height = image_size
+    centre = f"[{(width - 1) / 2}, {(height - 1) / 2}]"
+    return (
+        Snippet("Straighten photographs", "python", PYTHON.format(file=file)),
+        Snippet("Pixels to rays, with error bars", "python", RAYS.format(file=file, centre=centre)),
+        Snippet("With OpenCV", "python", OPENCV.format(file=file)),
+        Snippet("On the command line", "sh", SHELL.format(file=shlex.quote(file))),
+    )
