@@ -317,6 +317,37 @@ def test_undistort_shows_more_with_a_larger_limit(run, camera, photographs):
     assert shown[0] < shown[1]
 
 
+def test_undistort_goes_on_where_it_was_stopped(run, camera, photographs):
+    assert run("undistort", camera, photographs, "-o", "out", "--workers", "2").status == 0
+    made = {path: path.stat().st_mtime_ns for path in Path("out").iterdir()}
+    gone = Path("out/small-03.png")
+    gone.unlink()
+    again = run("undistort", camera, photographs, "-o", "out")
+    assert (again.status, again.out) == (1, "")
+    assert "say --resume to do only the rest" in again.err
+    result = run("undistort", camera, photographs, "-o", "out", "--resume")
+    assert (result.status, result.out) == (0, "wrote 1 images into out; 6 were there already\n")
+    assert {path: path.stat().st_mtime_ns for path in made if path != gone} == {
+        path: time for path, time in made.items() if path != gone
+    }
+    data = json.loads(run("undistort", camera, photographs, "-o", "out", "--resume", "--json").out)
+    assert (data["written"], len(data["finished_before"]), data["failed"]) == ([], 7, {})
+    other = run("undistort", camera, photographs, "-o", "out", "--resume", "--view", "board")
+    assert "does not come from this photograph, camera and view" in other.err
+    assert run("undistort", camera, photographs, "-o", "out", "--view", "board", "--resume", "--force").status == 0
+
+
+def test_undistort_from_and_to_any_storage(run, camera, photographs):
+    fsspec = pytest.importorskip("fsspec", reason="needs the extra 'cluster'")
+    memory = fsspec.filesystem("memory")
+    memory.put(str(photographs), "/photos", recursive=True)
+    result = run("undistort", camera, "memory://photos", "-o", "memory://straight")
+    assert (result.status, result.out) == (0, "wrote 7 images into memory://straight\n")
+    assert run("undistort", camera, photographs, "-o", "out").status == 0
+    assert memory.cat("/straight/small-02.png") == Path("out/small-02.png").read_bytes()
+    memory.store.clear()
+
+
 # --- board and simulate --------------------------------------------------------------------------------------
 
 

@@ -125,7 +125,7 @@ def _check_complete(name: str, picture: Any) -> None:
     try:
         if picture.format == "JPEG":
             # An eighth of the size is decoded quickly, and still from all bytes of the file.
-            picture.draft("L", (picture.width // 8, picture.height // 8))
+            picture.draft("L", (max(picture.width // 8, 1), max(picture.height // 8, 1)))
             picture.load()
         elif picture.format == "PNG":
             picture.verify()

@@ -155,8 +155,8 @@ def _url_sizes(urls: list[str]) -> list[int | None]:
     files, _ = _storage(urls[0])
     try:
         return list(files.sizes([_storage(url)[1] for url in urls]))
-    except (OSError, ValueError):
-        return [None] * len(urls)
+    except Exception:  # every storage has its own errors; one that is missing must not hide the others
+        return [None] if len(urls) == 1 else [size for url in urls for size in _url_sizes([url])]
 
 
 def _storage(url: str) -> tuple[Any, str]:
