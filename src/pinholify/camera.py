@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -137,31 +138,30 @@ class VirtualCamera:
         uv = np.full((len(xyz), 2), np.nan)
         known = np.isfinite(q).all(axis=1)
         if known.any():
-            uv[known] = invert(self.plane_map, q[known], self.image_size, self.domain.hull)
+            uv[known] = invert(self, q[known])
         return uv
 
 
-def invert(plane_map: PlaneMap, q: Floats, image_size: tuple[int, int], hull: ConvexRegion) -> Floats:
-    """Pixels (n, 2) that ``plane_map`` takes to ``q`` (n, 2); nan where the inverse does not converge.
+def invert(camera: VirtualCamera, q: Floats) -> Floats:
+    """Pixels (n, 2) that ``camera``'s map takes to ``q`` (n, 2); nan where the inverse does not converge.
 
-    Starts from the nearest of a grid of pixels where the map keeps the handedness it has inside ``hull``. A pixel
-    farther outside the image than the image is large counts as not converged.
+    Starts from the nearest of a grid of pixels where the map keeps the handedness it has inside the domain's hull. A
+    pixel farther outside the image than the image is large counts as not converged.
     """
-    grid, at_grid, reach = _start_grid(plane_map, image_size, hull)
-    uv = plane_map.inverse(q, grid[cKDTree(at_grid).query(q)[1]], reach)
-    far = np.abs(uv / image_size - 0.5).max(axis=1, initial=0.0, keepdims=True) >= 1.5
+    grid, at_grid, reach = _start_grid(camera)
+    uv = camera.plane_map.inverse(q, grid[at_grid.query(q)[1]], reach)
+    far = np.abs(uv / camera.image_size - 0.5).max(axis=1, initial=0.0, keepdims=True) >= 1.5
     return np.asarray(np.where(far, np.nan, uv))
 
 
-def _start_grid(
-    plane_map: PlaneMap, image_size: tuple[int, int], hull: ConvexRegion
-) -> tuple[Floats, Floats, float]:
-    width, height = image_size
+@lru_cache(maxsize=8)
+def _start_grid(camera: VirtualCamera) -> tuple[Floats, cKDTree, float]:
+    """Pixels (n, 2) to start from, the tree of what the map says of them, and the longest step that helps."""
+    (width, height), hull = camera.image_size, camera.domain.hull
     u, v = np.linspace(0, width - 1, START_GRID), np.linspace(0, height - 1, START_GRID)
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     grid = np.concatenate([grid, hull.vertices, hull.vertices.mean(axis=0, keepdims=True)])
-    handedness = np.sign(np.linalg.det(plane_map.jacobian(grid)))
+    handedness = np.sign(np.linalg.det(camera.plane_map.jacobian(grid)))
     keep = handedness == np.sign(handedness[hull.contains(grid)].sum())
     grid = grid[keep]
-    return grid, plane_map.value(grid), 2.0 * max(u[1], v[1])
-
+    return grid, cKDTree(camera.plane_map.value(grid)), 2.0 * max(u[1], v[1])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinholify.errors import ImageError, InputError
-from pinholify.rectification.expansion import expand
+from pinholify.expansion import expand
 from pinholify.rectification.maps import rectification_map
 from pinholify.rectification.straightener import Straightener
 from pinholify.rectification.views import named_view
@@ -17,7 +17,7 @@ def test_an_expansion_is_exact_within_its_tolerance():
     def bent(p):
         return p + 20 * np.sin(p[:, ::-1] / 90.0)
 
-    out = expand(bent, (700, 400), tolerance=0.001)
+    out = np.moveaxis(expand(bent, (700, 400), tolerance=0.001), 0, -1)
     grid = np.stack(np.meshgrid(np.arange(700.0), np.arange(400.0)), -1)
     error = out - bent(grid.reshape(-1, 2)).reshape(grid.shape)
     assert np.abs(error).max() < 0.002
@@ -27,7 +27,7 @@ def test_an_expansion_divides_what_one_polynomial_cannot_follow():
     def wavy(p):
         return p + 5 * np.sin(p[:, ::-1] / 12.0)
 
-    out = expand(wavy, (700, 400), tolerance=0.001)
+    out = np.moveaxis(expand(wavy, (700, 400), tolerance=0.001), 0, -1)
     grid = np.stack(np.meshgrid(np.arange(700.0), np.arange(400.0)), -1)
     assert np.abs(out - wavy(grid.reshape(-1, 2)).reshape(grid.shape)).max() < 0.002
 
@@ -44,7 +44,7 @@ def test_an_expansion_goes_around_what_has_no_answer():
     def half(p):
         return np.where((p[:, :1] + p[:, 1:] < 300), p, np.nan)
 
-    out = expand(half, (400, 300))
+    out = np.moveaxis(expand(half, (400, 300)), 0, -1)
     grid = np.stack(np.meshgrid(np.arange(400.0), np.arange(300.0)), -1)
     known = grid.sum(axis=2) < 300
     np.testing.assert_array_equal(np.isfinite(out).all(axis=2), known)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from pinholify.camera import VirtualCamera
 from pinholify.errors import ImageError, InputError
-from pinholify.rectification.maps import Image, RectificationMap, rectification_map, remap, splat
-from pinholify.rectification.views import View, named_view
+from pinholify.rectification.maps import Image, Sampler, rectification_map, sampler, splat
+from pinholify.rectification.views import STRAIGHT_ON, Angles, View, named_view
 
 METHODS = ("remap", "splat")
 
@@ -20,11 +20,13 @@ MAX_PIXELS = 200_000_000
 
 @dataclass(slots=True)
 class Straightener:
-    """Takes images of ``camera`` to the view called ``view_name`` (``camera`` or ``board``).
+    """Takes images of ``camera`` to the view called ``view_name``, turned and cut as ``named_view`` says.
 
     ``size`` (width, height) px of the result defaults to the image's. ``method`` is ``remap`` (backward, cubic) or
-    ``splat`` (the paper's). ``max_std`` px replaces the camera's domain as the limit of what is shown. Raises
-    InputError for a name that is not known and for a size that is too large.
+    ``splat`` (the paper's). ``max_std`` px replaces the camera's domain as the limit of what is shown. ``turn``,
+    ``fov`` and ``keep`` are those of :func:`pinholify.rectification.views.named_view`. ``fixed_point`` maps, for
+    video, take less memory and hold 1/32 px. Raises InputError for a name that is not known and for a size that is too
+    large.
     """
 
     camera: VirtualCamera
@@ -32,19 +34,22 @@ class Straightener:
     size: tuple[int, int] | None = None
     method: str = "remap"
     max_std: float | None = None
+    turn: Angles = STRAIGHT_ON
+    fov: float | None = None
+    keep: str = "all"
+    fixed_point: bool = False
     view: View = field(init=False)
-    _map: RectificationMap | None = field(init=False, default=None)
+    _sampler: Sampler | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"'{self.method}' is no way to straighten; there are: {', '.join(METHODS)}")
-        width, height = self.size or self.camera.image_size
-        if max(width, height) > LARGEST_SIDE or width * height > MAX_PIXELS:
-            raise InputError(
-                f"a result of {width}x{height} was asked for where sides of at most {LARGEST_SIDE} px and "
-                f"{MAX_PIXELS // 1_000_000} megapixels can be made; choose a smaller size"
-            )
-        self.view = named_view(self.camera, self.view_name, self.size, self.max_std)
+        if self.size is not None:
+            _check_size(self.size)
+        self.view = named_view(
+            self.camera, self.view_name, self.size, self.max_std, turn=self.turn, fov=self.fov, keep=self.keep
+        )
+        _check_size(self.view.size)
 
     def __call__(self, image: Image) -> Image:
         """The straightened image, of the same depth and channels; raises ImageError on an image of another size."""
@@ -56,6 +61,16 @@ class Straightener:
             )
         if self.method == "splat":
             return splat(image, self.camera, self.view, max_std=self.max_std)
-        if self._map is None:
-            self._map = rectification_map(self.camera, self.view, max_std=self.max_std)
-        return remap(image, self._map)
+        if self._sampler is None:
+            rectification = rectification_map(self.camera, self.view, max_std=self.max_std)
+            self._sampler = sampler(rectification, self.camera.image_size, fixed_point=self.fixed_point)
+        return self._sampler(image)
+
+
+def _check_size(size: tuple[int, int]) -> None:
+    width, height = size
+    if max(size) > LARGEST_SIDE or width * height > MAX_PIXELS:
+        raise InputError(
+            f"a result of {width}x{height} was asked for where sides of at most {LARGEST_SIDE} px and "
+            f"{MAX_PIXELS // 1_000_000} megapixels can be made; choose a smaller size"
+        )

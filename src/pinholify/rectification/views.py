@@ -1,50 +1,104 @@
-"""Views: ideal pinhole cameras at the virtual camera's centre, looking where one likes. One calibration, many views."""
+"""Views: ideal cameras at the virtual camera's centre, looking where one likes. One calibration, many views."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from pinholify.arrays import Bools, Floats, frozen
+from pinholify.arrays import Floats, frozen
 from pinholify.camera import VirtualCamera
 from pinholify.errors import CalibrationError, InputError
+from pinholify.expansion import expand
 from pinholify.geometry import homogeneous
+from pinholify.rectification.rectangle import largest_rectangle
+from pinholify.rectification.surfaces import Cylinder, Plane, Sphere, Surface
+from pinholify.rectification.trust import believable as believable
+from pinholify.rectification.trust import image_samples as image_samples
+from pinholify.rectification.trust import shown
 
-VIEWS = ("camera", "board")
-WIDEST = np.deg2rad(65.0)  # from the axis; a flat picture grows without bound towards 90°
-SAMPLES = 96
+Angles = tuple[float, float, float]
+"""Yaw to the right, pitch upwards, roll clockwise: degrees, applied in this order."""
+
+CUBE: dict[str, Angles] = {
+    "front": (0.0, 0.0, 0.0),
+    "right": (90.0, 0.0, 0.0),
+    "back": (180.0, 0.0, 0.0),
+    "left": (-90.0, 0.0, 0.0),
+    "up": (0.0, 90.0, 0.0),
+    "down": (0.0, -90.0, 0.0),
+}
+SURFACES: dict[str, Surface] = {"camera": Plane(), "board": Plane(), "cylinder": Cylinder(), "sphere": Sphere()}
+VIEWS = (*SURFACES, *CUBE)
+KEPT = ("all", "valid")
+STRAIGHT_ON: Angles = (0.0, 0.0, 0.0)
+PROBE = 400  # px along the longer side of the small picture in which what is valid is looked for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A pinhole view: ``matrix`` (3, 3) px, ``rotation`` (3, 3) view from camera, ``size`` (width, height) px."""
+    """An ideal camera: ``matrix`` (3, 3) px, ``rotation`` (3, 3) view from camera, ``size`` (width, height) px.
+
+    ``matrix`` takes coordinates of ``surface`` to pixels; on the plane, the view is a pinhole camera and the matrix its
+    K.
+    """
 
     matrix: Floats
     rotation: Floats
     size: tuple[int, int]
+    surface: Surface = field(default_factory=Plane)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "matrix", frozen(self.matrix, (3, 3)))
         object.__setattr__(self, "rotation", frozen(self.rotation, (3, 3)))
 
     def directions(self, pixels: Floats) -> Floats:
-        """Directions (n, 3) in the camera frame of the view's ``pixels`` (n, 2)."""
-        return np.asarray(homogeneous(pixels) @ np.linalg.inv(self.matrix).T @ self.rotation)
+        """Directions (n, 3) in the camera frame of the view's ``pixels`` (n, 2); nan where it shows none."""
+        plane = homogeneous(pixels) @ np.linalg.inv(self.matrix).T
+        return np.asarray(self.surface.directions(plane[:, :2]) @ self.rotation)
 
     def project(self, xyz: Floats) -> Floats:
-        """Pixels of the view (n, 2) that show camera-frame points ``xyz`` (n, 3); nan behind the view."""
-        q = xyz @ self.rotation.T @ self.matrix.T
-        return np.asarray(q[:, :2] / np.where(q[:, 2:] > 0, q[:, 2:], np.nan))
+        """Pixels of the view (n, 2) that show camera-frame points ``xyz`` (n, 3); nan behind a flat view."""
+        q = self.surface.coordinates(xyz @ self.rotation.T)
+        return np.asarray(homogeneous(q) @ self.matrix[:2].T)
 
 
-def named_view(camera: VirtualCamera, name: str, size: tuple[int, int] | None, max_std: float | None) -> View:
-    """The view a user calls ``name``: ``camera`` or ``board``; ``max_std`` as for :func:`believable`."""
-    if name == "board":
-        return fitted_view(camera, np.eye(3), size, max_std)
-    if name == "camera":
-        return fitted_view(camera, optical_rotation(camera), size, max_std)
-    raise InputError(f"'{name}' is no view; the views are: {', '.join(VIEWS)}")
+def named_view(
+    camera: VirtualCamera,
+    name: str,
+    size: tuple[int, int] | None,
+    max_std: float | None,
+    *,
+    turn: Angles = STRAIGHT_ON,
+    fov: float | None = None,
+    keep: str = "all",
+) -> View:
+    """The view a user calls ``name``; ``max_std`` as for :func:`believable`.
+
+    ``camera`` looks along the optical axis and ``board`` straight at the reference board, both as pinhole cameras;
+    ``cylinder`` and ``sphere`` (equirectangular) look along the axis and all around; ``front``, ``right``, ``back``,
+    ``left``, ``up`` and ``down`` are the faces of a cube, 90° wide and square.
+
+    ``turn`` turns it from there. ``fov`` is its horizontal field of view in degrees, around the middle of the picture;
+    without it the view is fitted to what may be believed: ``keep`` ``all`` of that, or only ``valid`` pixels, the
+    largest picture that has no black in it (OpenCV's alpha of 1 and 0). ``size`` (width, height) px defaults to the
+    image's. Raises InputError for what is no view, CalibrationError for one that shows nothing.
+    """
+    if name not in VIEWS:
+        raise InputError(f"'{name}' is no view; the views are: {', '.join(VIEWS)}")
+    if keep not in KEPT:
+        raise InputError(f"'{keep}' is nothing to keep; there are: {', '.join(KEPT)}")
+    if fov is not None and keep != "all":
+        raise InputError("a field of view and what to keep cannot both be asked for; give one of the two")
+    if name in CUBE:
+        return _cube_face(camera, name, size, turn, given=fov is not None or keep != "all")
+    surface = SURFACES[name]
+    rotation = _turned(np.eye(3) if name == "board" else optical_rotation(camera), turn)
+    if fov is not None:
+        return view_of_width(rotation, size or camera.image_size, fov, surface)
+    view = fitted_view(camera, rotation, size, max_std, surface)
+    return _without_black(camera, view, max_std) if keep == "valid" else view
 
 
 def optical_rotation(camera: VirtualCamera) -> Floats:
@@ -53,25 +107,68 @@ def optical_rotation(camera: VirtualCamera) -> Floats:
     Its y axis follows the image's columns downwards and x completes a right-handed frame, so the view of a camera that
     looks into a mirror shows the scene unreversed.
     """
-    width, height = camera.image_size
-    centre = np.array([[(width - 1) / 2.0, (height - 1) / 2.0]])
-    if not camera.inside(centre)[0]:
-        centre = camera.domain.hull.vertices.mean(axis=0, keepdims=True)
-    q = camera.plane_map.value(centre)
-    z = camera.chart.directions(q)[0]
-    down = (camera.chart.direction_jacobian(q) @ camera.plane_map.jacobian(centre))[0, :, 1]
+    z, down = _optical_axis(camera)
     y = down - z * (down @ z)
     y = y / np.linalg.norm(y)
     return np.stack([np.cross(y, z), y, z])
 
 
-def fitted_view(
-    camera: VirtualCamera, rotation: Floats, size: tuple[int, int] | None, max_std: float | None
-) -> View:
-    """The view along ``rotation`` that shows all that may be believed, up to 65° from its axis, as large as it fits.
+def _optical_axis(camera: VirtualCamera) -> tuple[Floats, Floats]:
+    """The direction (3,) in which the middle of the image looks, and how it changes by a px downwards (3,)."""
+    width, height = camera.image_size
+    centre = np.array([[(width - 1) / 2.0, (height - 1) / 2.0]])
+    if not camera.inside(centre)[0]:
+        centre = camera.domain.hull.vertices.mean(axis=0, keepdims=True)
+    q = camera.plane_map.value(centre)
+    down = (camera.chart.direction_jacobian(q) @ camera.plane_map.jacobian(centre))[0, :, 1]
+    return camera.chart.directions(q)[0], down
 
-    ``size`` (width, height) px defaults to the image's. Raises CalibrationError where the view shows nothing.
+
+def _turned(rotation: Floats, turn: Angles) -> Floats:
+    return np.asarray(Rotation.from_euler("YXZ", turn, degrees=True).as_matrix().T @ rotation)
+
+
+def _cube_face(
+    camera: VirtualCamera, name: str, size: tuple[int, int] | None, turn: Angles, *, given: bool
+) -> View:
+    """A face; as fine as the middle of the image by default."""
+    if given:
+        raise InputError(f"the view '{name}' is the face of a cube, 90 degrees wide; leave out --fov and --keep")
+    if size is None:
+        side = max(1, round(2.0 / float(np.linalg.norm(_optical_axis(camera)[1]))))
+        size = (side, side)
+    if size[0] != size[1]:
+        raise InputError(
+            f"the view '{name}' is the face of a cube and {size[0]}x{size[1]} was asked for; give a square size"
+        )
+    return view_of_width(_turned(_turned(optical_rotation(camera), turn), CUBE[name]), size, 90.0, Plane())
+
+
+def view_of_width(rotation: Floats, size: tuple[int, int], fov: float, surface: Surface) -> View:
+    """The view along ``rotation`` that is ``fov`` degrees wide from outer edge to outer edge; raises InputError."""
+    if not 0.0 < fov <= surface.widest_fov:
+        raise InputError(
+            f"a field of view of {fov:g} degrees was asked for where this view has more than 0 and at most "
+            f"{surface.widest_fov:g}; for more, take the view 'cylinder' or 'sphere'"
+        )
+    focal = size[0] / surface.width(float(np.deg2rad(fov)))
+    matrix = np.array([[focal, 0, (size[0] - 1) / 2.0], [0, focal, (size[1] - 1) / 2.0], [0, 0, 1]])
+    return View(matrix, rotation, size, surface)
+
+
+def fitted_view(
+    camera: VirtualCamera,
+    rotation: Floats,
+    size: tuple[int, int] | None,
+    max_std: float | None,
+    surface: Surface | None = None,
+) -> View:
+    """The view along ``rotation`` that shows all that may be believed and ``surface`` reaches, as large as it fits.
+
+    ``size`` (width, height) px defaults to the image's, ``surface`` is a plane. Raises CalibrationError where the view
+    shows nothing.
     """
+    surface = surface or Plane()
     width, height = size or camera.image_size
     pixels = image_samples(camera.image_size)
     pixels = pixels[believable(camera, pixels, max_std)]
@@ -79,25 +176,36 @@ def fitted_view(
         raise CalibrationError(
             f"nowhere in the image is the standard deviation at most {max_std} px; allow more with --max-std"
         )
-    seen = camera.to_rays(pixels).directions @ rotation.T
-    seen = seen[seen[:, 2] > np.cos(WIDEST)]
+    seen = camera.chart.directions(camera.plane_map.value(pixels)) @ rotation.T
+    seen = seen[surface.reaches(seen)]
     if len(seen) < 4:
         raise CalibrationError("the view looks away from everything the camera sees; choose another view")
-    flat = seen[:, :2] / seen[:, 2:]
+    flat = surface.coordinates(seen)
     low, high = flat.min(axis=0), flat.max(axis=0)
     focal = float(((np.array([width, height]) - 1) / (high - low)).min())
     centre = (np.array([width, height]) - 1) / 2.0 - focal * (low + high) / 2.0
-    return View(np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1]]), rotation, (width, height))
+    matrix = np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1]])
+    return View(matrix, rotation, (width, height), surface)
 
 
-def believable(camera: VirtualCamera, pixels: Floats, max_std: float | None) -> Bools:
-    """Where ``pixels`` (n, 2) may be used: a standard deviation of at most ``max_std`` px, or inside the domain."""
-    if max_std is None:
-        return camera.inside(pixels)
-    return np.asarray(camera.shape_std(pixels) <= max_std)
+def _without_black(camera: VirtualCamera, view: View, max_std: float | None) -> View:
+    """The largest part of ``view`` of its proportions in which everything is valid, at the same size."""
+    width, height = view.size
+    probe = _resized(view, PROBE / max(view.size))
+    uv = expand(lambda pixels: camera.project(probe.directions(pixels)), probe.size, tolerance=0.05)
+    valid = shown(camera, uv.reshape(2, -1).T, max_std).reshape(uv.shape[1:])
+    found = largest_rectangle(valid, width / height)
+    if found is None:
+        raise CalibrationError("no part of this view is free of black pixels; keep all of it, or choose another view")
+    scale = max((width - 1) / (found.right - found.left), (height - 1) / (found.bottom - found.top))
+    middle = np.array([found.left + found.right, found.top + found.bottom]) / 2.0
+    matrix = np.diag([scale, scale, 1.0]) @ probe.matrix
+    matrix[:2, 2] += (np.array([width, height]) - 1) / 2.0 - scale * middle
+    return View(matrix, view.rotation, view.size, view.surface)
 
 
-def image_samples(image_size: tuple[int, int]) -> Floats:
-    """A grid of pixels over the whole image, its border included: (96², 2)."""
-    u, v = (np.linspace(0.0, n - 1.0, SAMPLES) for n in image_size)
-    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+def _resized(view: View, scale: float) -> View:
+    """The same view at another resolution; the outer corner of the picture stays."""
+    resize = np.array([[scale, 0, (scale - 1) / 2.0], [0, scale, (scale - 1) / 2.0], [0, 0, 1]])
+    width, height = (max(2, round(n * scale)) for n in view.size)
+    return View(resize @ view.matrix, view.rotation, (width, height), view.surface)

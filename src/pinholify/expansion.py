@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from pinholify.arrays import Bools, Floats
 
@@ -19,7 +21,7 @@ TAIL = 4
 SMALLEST = 32  # px; a region as small as this is evaluated directly
 
 PointMap = Callable[[Floats], Floats]
-"""(n, 2) → (n, 2), nan where there is no answer."""
+"""(n, 2) → (n, outputs), nan where there is no answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,10 @@ class Region:
         y = (self.top + self.bottom - 1) / 2.0 + t * (self.bottom - 1 - self.top) / 2.0
         return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
+    def of(self, planes: NDArray[Any]) -> NDArray[Any]:
+        """Its part (outputs, rows, columns) of ``planes`` (outputs, height, width)."""
+        return planes[:, self.top : self.bottom, self.left : self.right]
+
 
 def _is_finite(values: Floats) -> Bools:
     return np.asarray(np.isfinite(values).all(axis=-1))
@@ -64,16 +70,18 @@ def expand(
     function: PointMap,
     size: tuple[int, int],
     *,
+    outputs: int = 2,
     tolerance: float = 0.005,
     wanted: Callable[[Floats], Bools] = _is_finite,
-) -> NDArray[np.float32]:
-    """``function`` at every pixel of an image of ``size`` (width, height): (height, width, 2) float32.
+    dtype: DTypeLike = np.float32,
+) -> NDArray[Any]:
+    """``function`` at every pixel of an image of ``size`` (width, height): (outputs, height, width) of ``dtype``.
 
     ``tolerance`` bounds the expansion's error, in units of the function's values; nan where it has no answer, and
-    perhaps where its values (…, 2) are not ``wanted``: a region none of whose nodes is wanted is left out.
+    perhaps where its values (…, outputs) are not ``wanted``: a region none of whose nodes is wanted is left out.
     """
     width, height = size
-    out = np.full((height, width, 2), np.nan, dtype=np.float32)
+    out = np.empty((outputs, height, width), dtype=dtype)
     regions = [Region(0, 0, width, height)]
     while regions:
         small = [r for r in regions if r.small]
@@ -84,32 +92,32 @@ def expand(
     return out
 
 
-def _fill_directly(function: PointMap, regions: list[Region], out: NDArray[np.float32]) -> None:
+def _fill_directly(function: PointMap, regions: list[Region], out: NDArray[Any]) -> None:
     pixels = [r.pixels() for r in regions]
     values = np.split(function(np.concatenate(pixels)), np.cumsum([len(p) for p in pixels])[:-1])
     for region, value in zip(regions, values, strict=True):
-        shape = (region.bottom - region.top, region.right - region.left, 2)
-        out[region.top : region.bottom, region.left : region.right] = value.reshape(shape)
+        part = region.of(out)
+        part[...] = value.T.reshape(part.shape)
 
 
 def _fill_by_nodes(
     function: PointMap,
     regions: list[Region],
-    out: NDArray[np.float32],
+    out: NDArray[Any],
     tolerance: float,
     wanted: Callable[[Floats], Bools],
 ) -> list[Region]:
     """Fill the regions that converge; the quarters of those that do not are returned."""
-    values = function(np.concatenate([r.nodes() for r in regions])).reshape(len(regions), NODES, NODES, 2)
+    values = function(np.concatenate([r.nodes() for r in regions])).reshape(len(regions), NODES, NODES, -1)
     transform = _transform()
     with np.errstate(invalid="ignore"):
-        coefficients = np.einsum("ai,rijk,bj->rabk", transform, values, transform, optimize=True)
+        coefficients = np.einsum("ai,rijk,bj->rkab", transform, values, transform, optimize=True)
     rest: list[Region] = []
     for region, value, coefficient in zip(regions, values, coefficients, strict=True):
         if not wanted(value).any():
-            continue
-        if np.isfinite(value).all() and _tail(coefficient) <= tolerance:
-            out[region.top : region.bottom, region.left : region.right] = _evaluate(region, coefficient)
+            region.of(out)[...] = np.nan
+        elif np.isfinite(value).all() and _tail(coefficient) <= tolerance:
+            _evaluate(coefficient, region.of(out))
         else:
             rest += region.quarters()
     return rest
@@ -118,14 +126,15 @@ def _fill_by_nodes(
 def _tail(coefficient: Floats) -> float:
     """Sum of the sizes of the highest orders in either direction: what a few more orders would still add."""
     size = np.abs(coefficient)
-    return float(max(size[-TAIL:].sum(axis=(0, 1)).max(), size[:, -TAIL:].sum(axis=(0, 1)).max()))
+    return float(max(size[:, -TAIL:].sum(axis=(1, 2)).max(), size[:, :, -TAIL:].sum(axis=(1, 2)).max()))
 
 
-def _evaluate(region: Region, coefficient: Floats) -> NDArray[np.float32]:
-    rows = _chebyshev(region.bottom - region.top).astype(np.float32)
-    columns = _chebyshev(region.right - region.left).astype(np.float32)
-    c = coefficient.astype(np.float32)
-    return np.stack([rows @ c[:, :, k] @ columns.T for k in range(2)], axis=-1)
+def _evaluate(coefficient: Floats, part: NDArray[Any]) -> None:
+    """The expansion of ``coefficient`` (outputs, NODES, NODES) at every pixel, written into ``part`` in place."""
+    _, height, width = part.shape
+    rows, columns = _chebyshev(height, part.dtype), _chebyshev(width, part.dtype)
+    for plane, c in zip(part, coefficient.astype(part.dtype), strict=True):
+        np.matmul(rows @ c, columns.T, out=plane)
 
 
 def _nodes() -> Floats:
@@ -140,7 +149,10 @@ def _transform() -> Floats:
     return matrix
 
 
-def _chebyshev(count: int) -> Floats:
+@lru_cache(maxsize=16)
+def _chebyshev(count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Chebyshev polynomials at ``count`` equally spaced points of [−1, 1]: (count, NODES)."""
     t = np.linspace(-1.0, 1.0, count) if count > 1 else np.zeros(1)
-    return np.cos(np.arange(NODES) * np.arccos(t)[:, None])
+    values = np.cos(np.arange(NODES) * np.arccos(t)[:, None]).astype(dtype)
+    values.flags.writeable = False
+    return values

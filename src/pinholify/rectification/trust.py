@@ -1,0 +1,72 @@
+"""Where the original image may be believed: the standard deviation of every pixel, worked out once a camera."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pinholify.arrays import Bools, Floats
+from pinholify.camera import VirtualCamera
+from pinholify.expansion import expand
+
+SAMPLES = 96
+STD_TOLERANCE = 0.1  # relative, of all that higher orders might add: in truth some per mille
+SMALLEST_STD = 1e-12  # px; keeps the logarithm finite
+REDUCTION = 8  # a standard deviation changes slowly: it is worked out at every so many pixels
+
+
+def source_mask(camera: VirtualCamera, max_std: float | None) -> Bools:
+    """Which pixels of the original image may be shown: (height, width).
+
+    Those whose std is at most ``max_std`` px, by default the domain's limit; where that sets none, those of its hull.
+    """
+    limit = camera.domain.max_std if max_std is None else max_std
+    if np.isfinite(limit):
+        return np.asarray(source_std(camera) <= limit)
+    width, height = camera.image_size
+    mask = np.zeros((height, width), dtype=np.uint8)
+    cv2.fillConvexPoly(mask, np.round(camera.domain.hull.vertices * 16).astype(np.int32), 1, shift=4)
+    return mask.view(np.bool_)
+
+
+@lru_cache(maxsize=4)
+def source_std(camera: VirtualCamera) -> NDArray[np.float32]:
+    """The map's standard deviation at every pixel of the original image, px: (height, width), read-only.
+
+    Interpolated, to a per cent or so of itself.
+    """
+    size = np.array(camera.image_size)
+    coarse = -(-size // REDUCTION)
+    log_std = expand(
+        lambda index: np.log(camera.shape_std((index + 0.5) * (size / coarse) - 0.5) + SMALLEST_STD)[:, None],
+        (int(coarse[0]), int(coarse[1])),
+        outputs=1,
+        tolerance=STD_TOLERANCE,
+    )[0]
+    std = np.asarray(cv2.resize(np.exp(log_std), camera.image_size), dtype=np.float32)
+    std.flags.writeable = False
+    return std
+
+
+def believable(camera: VirtualCamera, pixels: Floats, max_std: float | None) -> Bools:
+    """Where ``pixels`` (n, 2) of the image may be used: a std of at most ``max_std`` px, or inside the domain."""
+    column, row = np.rint(pixels).astype(np.int64).T
+    shown = np.asarray(source_mask(camera, max_std)[row, column])
+    return shown & camera.domain.hull.contains(pixels) if max_std is None else shown
+
+
+def shown(camera: VirtualCamera, uv: Floats, max_std: float | None) -> Bools:
+    """Which of ``uv`` (n, 2), anywhere or nan, are pixels of the image that may be shown."""
+    with np.errstate(invalid="ignore"):
+        inside = np.asarray(((uv >= -0.5) & (uv < np.array(camera.image_size) - 0.5)).all(axis=1))
+    column, row = np.rint(np.where(inside[:, None], uv, 0.0)).astype(np.int64).T
+    return np.asarray(inside & source_mask(camera, max_std)[row, column])
+
+
+def image_samples(image_size: tuple[int, int]) -> Floats:
+    """A grid of pixels over the whole image, its border included: (96², 2)."""
+    u, v = (np.linspace(0.0, n - 1.0, SAMPLES) for n in image_size)
+    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
