@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.board import Board, Charuco, Checkerboard, size
+from pinholify.board import AprilGrid, Board, Charuco, Checkerboard, size
 from pinholify.corners import Corners, not_found
+from pinholify.detection.aprilgrid import detect_aprilgrid
 from pinholify.detection.candidates import find_candidates
 from pinholify.detection.charuco import detect_charuco
 from pinholify.detection.growth import FEWEST, grower
@@ -39,6 +40,8 @@ def detect_board(image: NDArray[Any], board: Board, *, name: str = "", mirrored:
         return not_found(name, f"the image is only {width}x{height} px, too small to show a board")
     if isinstance(board, Charuco):
         return detect_charuco(image, board, name=name)
+    if isinstance(board, AprilGrid):
+        return detect_aprilgrid(image, board, name=name)
     grey = grey_levels(image)
     best = not_found(name, f"no board of {board.spec} inner corners was found")
     for lattices in _searches(grey):

@@ -145,16 +145,19 @@ def disorder(lattice: Lattice) -> float:
     return float(np.median(np.linalg.norm(lattice.uv - expected.uv, axis=1) / expected.spacing))
 
 
-def regular(lattice: Lattice) -> Bools:
+def regular(lattice: Lattice, at: Floats | None = None) -> Bools:
     """Which corners (n,) stand where the others, without them, predict them; the worst of each place is not.
+
+    ``at`` (n, 2) are the corners' places on the board where these are not their indices.
     """
     if len(lattice) < 6:
         return np.ones(len(lattice), dtype=bool)
-    expected = predict(lattice.index, lattice.uv, lattice.index, leave_out=True)
+    at = lattice.index.astype(np.float64) if at is None else at
+    expected = predict(at, lattice.uv, at, leave_out=True)
     miss = np.linalg.norm(lattice.uv - expected.uv, axis=1)
     score = miss / np.maximum(3 * expected.std, 0.05 * expected.spacing + 0.3)
     # A wrong corner spoils the predictions of its neighbours: of those that miss, only the worst nearby goes.
-    close = (np.abs(lattice.index[:, None] - lattice.index[None]) <= 2).all(axis=2)
+    close = (np.abs(at[:, None] - at[None]) <= 2).all(axis=2)
     worst = score >= np.where(close, score[None], 0).max(axis=1)
     return np.asarray((score <= 1) | ~worst)
 

@@ -43,7 +43,7 @@ class Prediction:
     spacing: Floats
 
 
-def predict(known: Ints, uv: Floats, query: Floats | Ints, *, leave_out: bool = False) -> Prediction:
+def predict(known: Floats | Ints, uv: Floats, query: Floats | Ints, *, leave_out: bool = False) -> Prediction:
     """Predicts the pixels of the indices ``query`` (m, 2) from ``uv`` (n, 2) px at the indices ``known`` (n,
     2).
 
@@ -67,7 +67,7 @@ def predict(known: Ints, uv: Floats, query: Floats | Ints, *, leave_out: bool = 
     return Prediction(mean + centre, amplitude * np.sqrt(variance), jacobian, spacing)
 
 
-def local_frames(known: Ints, uv: Floats) -> tuple[Floats, Floats]:
+def local_frames(known: Floats | Ints, uv: Floats) -> tuple[Floats, Floats]:
     """First and second derivatives of the predicted pixel at each known corner: (n, 2, 2) and (n, 2, 3) px.
 
     The last axis of the second is for two column steps, one of each, and two row steps.
@@ -81,7 +81,7 @@ def local_frames(known: Ints, uv: Floats) -> tuple[Floats, Floats]:
     return jacobian, alpha.transpose(0, 2, 1) @ curvature / LENGTH_SCALE**2
 
 
-def _nearest(known: Ints, uv: Floats, query: Floats, *, leave_out: bool) -> tuple[Floats, Floats]:
+def _nearest(known: Floats | Ints, uv: Floats, query: Floats, *, leave_out: bool) -> tuple[Floats, Floats]:
     """Offsets (m, k, 2) of the k nearest known corners from each query, and their pixels (m, k, 2)."""
     squared = ((query[:, None] - known[None]) ** 2).sum(axis=2)
     if leave_out:

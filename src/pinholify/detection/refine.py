@@ -4,9 +4,11 @@ dropped.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from pinholify.arrays import Bools, Floats
+from pinholify.arrays import Bools, Floats, Ints
 from pinholify.detection.edges import Crossings, Windows, fit_crossings
 from pinholify.detection.growth import regular, signs
 from pinholify.detection.intensity import Grey
@@ -34,25 +36,34 @@ it.
 """
 
 
-def refine_lattice(grey: Grey, lattice: Lattice) -> Lattice:
+def _indices(index: Ints) -> Floats:
+    """The places of corners that stand on a square lattice."""
+    return index.astype(np.float64)
+
+
+def refine_lattice(grey: Grey, lattice: Lattice, places: Callable[[Ints], Floats] = _indices) -> Lattice:
     """``lattice`` with fitted positions, weights FLOOR / √(FLOOR² + std²), and only corners that are true
     corners.
+
+    ``places`` takes indices (n, 2) to places on the board (n, 2) where corners are unevenly spaced; its unit is the
+    square of which the windows are fractions.
     """
-    lattice = _moved(lattice, _first_places(grey, lattice))
-    jacobian, second = local_frames(lattice.index, lattice.uv)
+    at = places(lattice.index)
+    lattice = _moved(lattice, _first_places(grey, lattice.uv, at))
+    jacobian, second = local_frames(at, lattice.uv)
     crossings = _fit(grey, _windows(lattice.uv, jacobian, second, WINDOW))
     weights = FLOOR / np.hypot(FLOOR, crossings.std)
     fitted = Lattice(lattice.index, crossings.uv, weights, lattice.phase)
     kept = fitted.select(_true_corners(fitted, crossings))
-    return kept.select(regular(kept))
+    return kept.select(regular(kept, places(kept.index)))
 
 
-def _first_places(grey: Grey, lattice: Lattice) -> Floats:
-    jacobian, _ = local_frames(lattice.index, lattice.uv)
+def _first_places(grey: Grey, uv: Floats, at: Floats) -> Floats:
+    jacobian, _ = local_frames(at, uv)
     length = np.linalg.norm(jacobian, axis=1).min(axis=1)
     radius = np.clip(FIRST_WINDOW * length, 2.0, WIDEST)
-    saddles = refine_saddles(grey, lattice.uv, jacobian * (radius / length)[:, None, None])
-    return np.where(saddles.sound[:, None], saddles.uv, lattice.uv)
+    saddles = refine_saddles(grey, uv, jacobian * (radius / length)[:, None, None])
+    return np.where(saddles.sound[:, None], saddles.uv, uv)
 
 
 def _moved(lattice: Lattice, uv: Floats) -> Lattice:

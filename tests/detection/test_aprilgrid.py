@@ -1,0 +1,174 @@
+import cv2
+import numpy as np
+import pytest
+
+from pinholify.board import FAMILIES, AprilGrid, lattice, parse_board
+from pinholify.detection import detect_board
+from pinholify.errors import BoardError
+from pinholify.geometry import Pose, apply_homography
+from pinholify.io.board_print import ARTWORKS
+from pinholify.simulation.lenses import LENSES, Pinhole, Resized
+from pinholify.simulation.photograph import Sensor
+from pinholify.simulation.views import board_poses
+from printed import printed, take
+
+SPEC = "aprilgrid:6x6:tag36h11:0.3"
+BOARD = parse_board(SPEC)
+HOMOGRAPHY = np.array([[52.0, 5.0, 120.0], [-3.0, 50.0, 70.0], [6e-3, 4e-3, 1.0]])
+
+
+def flat_picture(board, homography, *, size=(640, 480), white=()):
+    """The board drawn through ``homography`` (tags to px), smoothed, and its true corners; ``white`` tags are blank."""
+    cells = 40
+    sheet = printed(board, cells=cells, margin=1.0)
+    to_sheet = np.array([[cells, 0, -sheet.origin[0] * cells], [0, cells, -sheet.origin[1] * cells], [0, 0, 1]])
+    pixels = 255 * sheet.pixels[:, :, 0]
+    for k in white:
+        x, y = (lattice(board)[k] - sheet.origin) * cells
+        pixels[round(y) : round(y) + cells, round(x) : round(x) + cells] = 230
+    fine = np.array([[4.0, 0, 1.5], [0, 4, 1.5], [0, 0, 1]])  # 4 × 4 finer pixels
+    warp = fine @ homography @ np.linalg.inv(to_sheet)
+    picture = cv2.warpPerspective(pixels, warp, (4 * size[0], 4 * size[1]), borderValue=120.0)
+    picture = cv2.resize(cv2.GaussianBlur(picture, (0, 0), 3.0), size, interpolation=cv2.INTER_AREA)
+    picture += np.random.default_rng(0).normal(0, 2, picture.shape)
+    return np.clip(picture, 0, 255).astype(np.uint8), apply_homography(homography, lattice(board))
+
+
+def errors(corners, truth):
+    return np.linalg.norm(corners.uv - truth[corners.ids], axis=1)
+
+
+@pytest.mark.parametrize("half_turn", [False, True])
+def test_every_corner_by_its_id(half_turn):
+    """Corner 0 is the top left one of the board as it hangs, whatever the image shows at the top."""
+    turn = np.array([[-1.0, 0, 639], [0, -1, 479], [0, 0, 1]]) if half_turn else np.eye(3)
+    image, truth = flat_picture(BOARD, turn @ HOMOGRAPHY)
+    corners = detect_board(image, BOARD)
+    assert np.array_equal(corners.ids, np.arange(144))
+    assert not corners.orientation_assumed
+    assert not corners.ambiguous_offset
+    assert np.sqrt((errors(corners, truth) ** 2).mean()) < 0.05
+
+
+def test_tags_tell_a_reflection():
+    image, truth = flat_picture(BOARD, HOMOGRAPHY)
+    corners = detect_board(image[:, ::-1], BOARD)
+    assert np.array_equal(corners.ids, np.arange(144))
+    assert errors(corners, truth * [-1, 1] + [639, 0]).max() < 0.3
+
+
+@pytest.mark.parametrize("name", ["pinhole", "unity-barrel", "fisheye"])
+def test_corners_of_rendered_boards(name):
+    """All ids right, no bias, a few hundredths of a pixel, through a strong fisheye too."""
+    lens = Resized(LENSES[name], (720, round(720 * LENSES[name].size[1] / LENSES[name].size[0])))
+    for seed, pose in enumerate(board_poses([lens], BOARD, 2, seed=3, margin=0.012, tilt=35)):
+        image, truth = take(lens, BOARD, pose, seed=seed)
+        corners = detect_board(image, BOARD)
+        error = corners.uv - truth[corners.ids]
+        assert len(corners) >= 140
+        assert np.sqrt((error**2).sum(axis=1).mean()) < 0.04
+        assert np.abs(error.mean(axis=0)).max() < 0.01
+
+
+def test_a_part_of_the_board_keeps_its_ids():
+    image, truth = flat_picture(BOARD, HOMOGRAPHY)
+    corners = detect_board(np.ascontiguousarray(image[150:, 230:]), BOARD)
+    visible = ((truth >= [236, 156]) & (truth <= [633, 473])).all(axis=1)
+    assert 0.9 * visible.sum() <= len(corners) < 144
+    assert errors(corners, truth - [230, 150]).max() < 0.3
+
+
+def test_corners_of_tags_that_cannot_be_read_are_found():
+    """Blank tags leave no crossing at their corners, but their neighbours' stay; a spoilt code costs nothing."""
+    image, truth = flat_picture(BOARD, HOMOGRAPHY)
+    x, y = truth[[26, 27, 38, 39]].mean(axis=0)  # inside the tag of corners 26, 27, 38, 39
+    spoilt = cv2.circle(image.copy(), (round(x), round(y)), 12, 15, -1)
+    assert len(detect_board(spoilt, BOARD)) == 144
+    blank, truth = flat_picture(BOARD, HOMOGRAPHY, white=[26])
+    corners = detect_board(blank, BOARD)
+    assert set(range(144)) - set(corners.ids.tolist()) == {26, 27, 38, 39}
+    assert errors(corners, truth).max() < 0.3
+
+
+def test_plain_tags_are_refused_with_the_reason():
+    """Without the squares between tags their corners are no crossings."""
+    cells, board = 40, parse_board("aprilgrid:3x3:tag36h11:0.3")
+    drawn = np.full((200, 200), 230, np.uint8)
+    artwork = ARTWORKS[AprilGrid](board)
+    for r in artwork.black:
+        if not np.isclose(r.width, r.height) or not np.isclose(r.width, 0.3):
+            x0, y0, x1, y1 = (20 + round(cells * v) for v in (r.x, r.y, r.x + r.width, r.y + r.height))
+            drawn[y0:y1, x0:x1] = 20
+    corners = detect_board(cv2.GaussianBlur(drawn, (0, 0), 0.8), board)
+    assert not corners.found
+    assert "squares between their corners" in corners.reason
+
+
+def test_noise_small_tags_and_darkness():
+    image, truth = flat_picture(BOARD, np.diag([0.5, 0.5, 1]) @ HOMOGRAPHY, size=(320, 240))
+    assert len(detect_board(image, BOARD)) > 130
+    corners = detect_board((0.1 * image + 3).astype(np.uint8), BOARD)
+    assert len(corners) > 120
+    assert errors(corners, truth).max() < 0.6
+    noisy = cv2.add(image, np.random.default_rng(1).normal(0, 12, image.shape), dtype=cv2.CV_8U)
+    assert len(detect_board(noisy, BOARD)) > 100
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_is_printed_and_read(family):
+    board = AprilGrid(3, 2, family, 0.25)
+    image, truth = flat_picture(board, np.array([[90.0, 5.0, 120.0], [-3.0, 92.0, 100.0], [1e-2, 1e-2, 1.0]]))
+    corners = detect_board(image, board)
+    assert len(corners) == 24
+    assert errors(corners, truth).max() < 0.2
+
+
+def test_a_board_of_other_tags_is_another_board(board_image):
+    image, _ = flat_picture(BOARD, HOMOGRAPHY)
+    assert "no tag" in detect_board(image, parse_board("aprilgrid:6x5:tag25h9:0.3")).reason
+    assert "no tag" in detect_board(board_image(8, 6)[0], BOARD).reason
+
+
+def test_a_tag_of_another_place_is_left_out():
+    """One wild tag that carries a number of the board, beside the board, changes nothing."""
+    image, truth = flat_picture(BOARD, HOMOGRAPHY, size=(760, 480), white=[0])  # tag 30 is blank
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    wild = cv2.aruco.generateImageMarker(family, 30, 80, borderBits=2)
+    image[200:300, 640:740] = 230
+    image[210:290, 650:730] = wild
+    corners = detect_board(image, BOARD)
+    assert len(corners) == 140
+    assert errors(corners, truth).max() < 0.3
+
+
+def test_descriptions_and_places():
+    assert parse_board(SPEC) == AprilGrid(6, 6, "tag36h11", 0.3)
+    assert parse_board(BOARD.spec) == BOARD
+    assert BOARD.orientable
+    np.testing.assert_allclose(lattice(BOARD)[[0, 1, 2, 12, 24, 143]],
+                               [[0, 0], [1, 0], [1.3, 0], [0, 1], [0, 1.3], [7.5, 7.5]])
+    assert BOARD.tag_number(np.array([0, 5, 0]), np.array([5, 5, 0])).tolist() == [0, 5, 30]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("aprilgrid:6x6", "write tags"),
+        ("aprilgrid:6x6:t36h11:0.3", "no family"),
+        ("aprilgrid:6x6:tag25h9:0.3", "needs 36 tags"),
+        ("aprilgrid:1x6:tag36h11:0.3", "at least 2x2"),
+        ("aprilgrid:6x6:tag36h11:1.3", "above 0 and at most 1"),
+    ],
+)
+def test_descriptions_that_cannot_be(text, words):
+    with pytest.raises(BoardError, match=words):
+        parse_board(text)
+
+
+def test_blur_of_two_pixels_costs_no_ids():
+    lens = Pinhole((720, 540), 600.0)
+    pose = Pose(np.eye(3), np.array([-3.75, -3.75, 9.5]))
+    image, truth = take(lens, BOARD, pose, sensor=Sensor(blur=2.0, read_noise=2.0))
+    corners = detect_board(image, BOARD)
+    assert len(corners) > 120
+    assert errors(corners, truth).max() < 0.3
