@@ -17,6 +17,7 @@ from pinholify.cli.options import (
     json_option,
     print_json,
 )
+from pinholify.cli.report_command import check_report_output, find_photographs, gathered_report, write_to
 from pinholify.cli.sources import gather_corners, input_files, solving
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -55,6 +56,8 @@ FEWEST_BOARDS = 3  # the reference and two that stand otherwise
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
 @click.option("--heldout/--no-heldout", default=True, show_default=True,
               help="Calibrate again on half of the boards to score the others.")
+@click.option("--report", type=click.Path(path_type=Path), metavar="FILE",
+              help="Also write a report for people: FILE ends in .html (one page with everything in it), .md or .json.")
 @json_option
 @force_option
 def command(
@@ -71,6 +74,7 @@ def command(
     mirrored: bool,
     opencv: bool,
     heldout: bool,
+    report: Path | None,
     as_json: bool,
     force: bool,
 ) -> None:
@@ -86,7 +90,10 @@ def command(
     from pinholify.pipeline import calibrate
 
     method = chosen_method(method, kernel, trend)
-    check_output(output, force=force, is_ours=is_camera_file, inputs=input_files(images, table))
+    files = input_files(images, table)
+    check_output(output, force=force, is_ours=is_camera_file, inputs=files)
+    if report is not None:
+        check_report_output(report, (*files, output), force=force)
     corner_set = gather_corners(images, table, board, image_size, mirrored, needed=FEWEST_BOARDS)
     again = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored)
     with solving():
@@ -105,6 +112,9 @@ def command(
     else:
         print_evaluation(evaluation, verdict)
         click.echo(f"wrote {output}")
+    if report is not None:
+        photographs = find_photographs(calibration, images, output)
+        write_to(report, gathered_report(evaluation, verdict, photographs, output), aloud=not as_json)
 
 
 def chosen_method(method: str, kernel: str, trend: str) -> str:

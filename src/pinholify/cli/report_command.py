@@ -56,9 +56,9 @@ def command(
     """
     from pinholify.io.camera_file import read_camera
     from pinholify.report.evaluated import evaluated
-    from pinholify.report.formats import render, write_report
+    from pinholify.report.formats import render
 
-    form, path = target(output, form)
+    path = output or Path(f"report.{form or 'html'}")
     if output or not as_json:
         check_report_output(path, (camera, *images), force=force)
     calibration = read_camera(camera)
@@ -67,26 +67,30 @@ def command(
         evaluation, verdict = evaluated(calibration, opencv=opencv, heldout=heldout)
     report = gathered_report(evaluation, verdict, photographs, camera)
     if output or not as_json:
-        write_report(path, report, form)
+        write_to(path, report, form, aloud=not as_json)
     if as_json:
         click.echo(render(report, "json"), nl=False)
-        return
-    for sentence in report.missing:
-        say(f"note: {sentence}")
-    click.echo(f"wrote {path}")
 
 
-def target(output: Path | None, form: str | None) -> tuple[str, Path]:
-    """The format and the file to write: the one that is asked for tells the other."""
-    ending = output.suffix.lower().removeprefix(".") if output is not None else ""
-    chosen = form or (ending if ending in FORMATS else "html")
-    return chosen, output or Path(f"report.{chosen}")
+def write_to(path: Path, report: Report, form: str | None = None, *, aloud: bool) -> None:
+    """Write ``report`` in the format ``form``, or that of the ending of ``path``; ``aloud`` says so."""
+    from pinholify.report.formats import write_report
+
+    ending = path.suffix.lower().removeprefix(".")
+    write_report(path, report, form or (ending if ending in FORMATS else "html"))
+    if aloud:
+        for sentence in report.missing:
+            say(f"note: {sentence}")
+        click.echo(f"wrote {path}")
 
 
 def check_report_output(path: Path, inputs: Sequence[Path], *, force: bool) -> None:
-    """Raise OutputError where the report may not be written to ``path``."""
+    """Raise OutputError where the report may not be written to ``path``: never onto an input, there yet or not."""
+    from pinholify.errors import OutputError
     from pinholify.report.formats import is_report
 
+    if path.absolute() in [source.absolute() for source in inputs]:
+        raise OutputError(f"the report '{path}' would replace one of the other files; write it to another")
     check_output(path, force=force, is_ours=is_report, inputs=inputs)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pinholify import __version__
-from pinholify.evaluation.summary import Evaluation, OpenCVScore
+from pinholify.evaluation.summary import NOT_ASKED, Evaluation, OpenCVScore
 from pinholify.evaluation.verdict import Verdict, residuals_of
 from pinholify.report.boards import BoardEntry, boards_of
 from pinholify.report.maps import (
@@ -27,7 +27,7 @@ from pinholify.report.usage import Snippet, snippets
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Errors in px a point of this camera and of OpenCV's ``models``, on the same corners.
+    """Errors in px a point of this camera and of OpenCV's ``models``, on the same corners, all counted alike.
 
     ``heldout_px`` is on photographs left out of the fit; None (and ``heldout_reason``) where there is none.
     """
@@ -78,36 +78,36 @@ def make_report(
     calibration = evaluation.calibration
     pictures = Pictures() if pictures is None else pictures
     seen = residuals_of(evaluation, calibration.corner_set)
+    residuals = residual_field(calibration, verdict, seen)
     return Report(
         f"pinholify {__version__}",
         provenance,
         calibration.corner_set.board.spec,
         calibration.camera.image_size,
-        overview_of(evaluation, verdict),
+        overview_of(evaluation, verdict, residuals.rms_px),
         pictures.frames,
         intrinsics_of(evaluation),
         boards_of(evaluation, verdict, seen, pictures),
         coverage_of(calibration, verdict, seen),
         certainty_of(calibration.camera),
-        residual_field(calibration, verdict, seen),
+        residuals,
         straightness_of(evaluation),
         scene_of(evaluation),
         model_of(evaluation),
-        _comparison(evaluation),
+        _comparison(evaluation, residuals.rms_px),
         snippets(provenance.file, calibration.camera.image_size),
         tuple(_missing(evaluation, pictures, provenance.file)),
     )
 
 
-def _comparison(evaluation: Evaluation) -> Comparison:
-    pooled = evaluation.pooled
+def _comparison(evaluation: Evaluation, insample_px: float) -> Comparison:
     return Comparison(
         evaluation.calibration.method,
         evaluation.heldout_px,
         evaluation.heldout_reason,
         evaluation.kfold_px,
-        pooled.re_px,
-        pooled.re_refined_percent,
+        insample_px,
+        evaluation.pooled.re_refined_percent,
         evaluation.opencv,
     )
 
@@ -128,7 +128,8 @@ def _missing(evaluation: Evaluation, pictures: Pictures, file: str) -> list[str]
             "give them all to see them."
         )
     if evaluation.heldout_px is None:
-        sentences.append(f"There is no held-out error: {evaluation.heldout_reason}.")
+        asked = "; leave out --no-heldout to have it" if evaluation.heldout_reason == NOT_ASKED else ""
+        sentences.append(f"There is no held-out error: {evaluation.heldout_reason}{asked}.")
     if evaluation.lines is None:
         sentences.append("The lines of sight are not drawn: they need at least three boards that count.")
     if not evaluation.opencv:

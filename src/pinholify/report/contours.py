@@ -13,7 +13,7 @@ from pinholify.geometry import ConvexRegion
 
 NODES = (65, 49)  # columns, rows of the grid on which functions are evaluated
 FINE = 480  # columns of the grid on which contours are followed
-TOLERANCE = 0.6  # fine pixels
+TOLERANCE = 0.9  # fine pixels
 
 Polygons = tuple[Floats, ...]
 """Closed outlines (n, 2) px, holes included: fill by the even-odd rule."""

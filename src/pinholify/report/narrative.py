@@ -13,15 +13,10 @@ from pinholify.report.numerals import angle, decimals, number, percent, px, scie
 from pinholify.report.overview import Length
 
 STRUCTURED = 0.01  # p-value
+MORE_THAN_NOISE = 1.5  # times
 DRAWN_RESIDUAL = 0.03  # of the image's width: how long a typical residual is drawn on photographs
 
-NO_PHOTOGRAPH = "There is no photograph to show."
-
-MEANINGS = {
-    "f": "Focal length: how far the virtual image plane stands from the camera's centre.",
-    "uc": "Principal point, x: where the axis meets the virtual plane, along the reference board's rows.",
-    "vc": "Principal point, y: the same, down the reference board's columns.",
-}
+FULL_NAMES = {"f": "f, focal length", "uc": "uc, principal point across", "vc": "vc, principal point down"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +65,7 @@ def facts(report: Report) -> tuple[tuple[str, str, str], ...]:
 def sections(report: Report) -> tuple[Section, ...]:
     """The whole report after its overview, in the order of reading."""
     return (
-        _straightened(report),
+        *([_straightened(report)] if report.frames else []),
         _intrinsics(report),
         _errors(report),
         _photographs(report),
@@ -92,21 +87,23 @@ def _straightened(report: Report) -> Section:
         "look straight. The thin lines are drawn with a ruler between the end corners of the board's outer rows and "
         "columns; once straightened, the board's own lines must follow them."
     )
-    return Section("frames", "Before and after", caption=caption if report.frames else NO_PHOTOGRAPH)
+    return Section("frames", "Before and after", caption=caption)
 
 
 def _intrinsics(report: Report) -> Section:
     k = report.intrinsics
     millimetres = k.square_mm is not None
-    header = ("", "value ± std, squares", "95 % interval, squares", *(["mm"] if millimetres else []), "what it is")
+    header = ("", "value ± std, squares", "95 % interval, squares", *(["mm"] if millimetres else []))
     rows = tuple(_length_row(length, k.square_mm) for length in k.lengths)
     horizontal, vertical, diagonal = k.field_of_view
     (width, height), (cx, cy) = k.view_size, k.view_centre
     text = (
         "The camera behaves as an ideal pinhole with these three numbers, in squares of the board: "
-        f"the virtual plane is that of the board in {k.reference}. There is no distortion left to describe. "
-        "The true value lies in the interval in 95 of 100 calibrations like this one, if the corners' errors are "
-        "independent; a narrow interval is good, f within 0.5 % is good enough for most work."
+        f"its image is the plane of the board in {k.reference}, f is how far that stands from the camera's centre, and "
+        "(uc, vc) is where the axis meets it, counted along the board's rows and columns from its first corner. There "
+        "is no distortion left to describe. The true value lies in the interval in 95 of 100 calibrations like this "
+        "one, if the corners' errors are independent; a narrow interval is good, f within 0.5 % is good enough for "
+        "most work."
     )
     view = (
         f"As a picture: 'pinholify undistort' makes images of {width} × {height} px with focal length "
@@ -114,7 +111,7 @@ def _intrinsics(report: Report) -> Section:
         f"sees about {angle(horizontal)} across, {angle(vertical)} down and {angle(diagonal)} on the diagonal."
     )
     mirrored = ("The camera looks into a mirror; the straightened view shows the scene unreversed.",) * k.mirrored
-    table = Table("K, the intrinsics", header, rows, numeric=False)
+    table = Table("K, the intrinsics", header, rows)
     return Section("intrinsics", "The camera in three numbers", (text, view, *mirrored), (table,))
 
 
@@ -123,7 +120,7 @@ def _length_row(length: Length, square_mm: float | None) -> tuple[str, ...]:
     digits = decimals(length.std, 2) if length.std > 0 else 4
     interval = f"{number(low, digits)} to {number(high, digits)}" if np.isfinite(low) else "unknown"
     millimetres = () if square_mm is None else (with_std(length.value * square_mm, length.std * square_mm),)
-    return (length.name, with_std(length.value, length.std), interval, *millimetres, MEANINGS[length.name])
+    return (FULL_NAMES[length.name], with_std(length.value, length.std), interval, *millimetres)
 
 
 def _errors(report: Report) -> Section:
@@ -210,16 +207,19 @@ def _residuals(report: Report) -> Section:
     finding = (
         "They hang together over the image: the camera leaves something unexplained that several boards see alike."
         if field.p_value < STRUCTURED
-        else "No structure is seen in them: what is left is noise, or belongs to single boards."
+        else "No structure is seen in them over the image."
     )
     text = (
         f"{finding} The residuals of neighbours on different boards correlate by {number(field.correlation, 3)} "
         f"(p = {_p_value(field.p_value)}; 0 is none)."
     )
-    numbers = (
-        f"They are {px(field.rms_px)} RMS a point; the noise that the fit found is {px(field.noise_px)} per axis, "
-        f"{px(field.noise_px * np.sqrt(2))} a point."
+    floor = report.overview.floor_px
+    more = (
+        f" That is {field.rms_px / floor:.1f} times as much: not all of it is noise."
+        if field.rms_px > MORE_THAN_NOISE * floor
+        else ""
     )
+    numbers = f"They are {px(field.rms_px)} RMS a point, where noise alone would leave {px(floor)}.{more}"
     caption = (
         f"Left, residuals averaged over cells of the image, {field.magnification:g} times as long as they are; right, "
         "all of them at once, with circles at 1, 2 and 3 standard deviations of the noise. Good are short arrows "

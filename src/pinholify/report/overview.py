@@ -19,7 +19,8 @@ NORMAL_95 = 1.96  # standard deviations
 class Overview:
     """``level`` and ``sentence`` of the verdict; errors in px a point; shares as fractions.
 
-    ``floor_px`` is what the corners' noise alone would leave, ``f_share`` the standard deviation of f ÷ f, ``advice``
+    ``insample_px`` counts every corner alike,
+    as the held-out error does. ``floor_px`` is what the corners' noise alone would leave, ``f_share`` the standard deviation of f ÷ f, ``advice``
     where in the image one more board would help most.
     """
 
@@ -39,8 +40,8 @@ class Overview:
     advice: str | None
 
 
-def overview_of(evaluation: Evaluation, verdict: Verdict) -> Overview:
-    """The overview of an ``evaluation`` and its ``verdict``."""
+def overview_of(evaluation: Evaluation, verdict: Verdict, insample_px: float) -> Overview:
+    """The overview of an ``evaluation`` and its ``verdict``; ``insample_px`` as in :class:`Overview`."""
     calibration = evaluation.calibration
     camera = calibration.camera
     return Overview(
@@ -49,7 +50,7 @@ def overview_of(evaluation: Evaluation, verdict: Verdict) -> Overview:
         calibration.method,
         evaluation.heldout_px,
         evaluation.heldout_reason,
-        evaluation.pooled.re_px,
+        insample_px,
         noise_floor(evaluation, calibration.corner_set),
         camera.noise_px,
         float(calibration.intrinsics_std[0] / camera.intrinsics.f),

@@ -11,7 +11,8 @@ from pinholify.report.html.markup import Markup, dots, drawing, element, joined,
 from pinholify.report.narrative import model_name, residual_scale, state
 from pinholify.report.numerals import angle, number, px
 
-DOT = 1 / 62  # of a photograph's width: a corner's diameter
+LARGEST_DOT, SMALLEST_DOT = 1 / 62, 1 / 200  # of a photograph's width: a corner's diameter
+DOT_SPACING = 0.4  # of the corners' distance, in between
 RESIDUAL = 1 / 170  # the same, of a residual's line
 RING = 12  # points of an open circle
 
@@ -27,6 +28,7 @@ def error_bars(report: Report) -> Markup:
 def model_bars(report: Report) -> Markup:
     """A line a model: the bar is its held-out error, the dot its error in sample."""
     compared = report.comparison
+    scores: list[tuple[str, float | None, float | None]]
     scores = [(f"pinholify, {compared.method}", compared.heldout_px, compared.insample_px)]
     scores += [(model_name(name), score.heldout_px, score.insample_px) for name, score in compared.models.items()]
     known = [value for _, *errors in scores for value in errors if value is not None]
@@ -77,16 +79,23 @@ def _overlay(entry: BoardEntry, size: tuple[int, int], scale: float) -> Markup:
     width = size[0]
     counted = entry.corners[entry.counted]
     arrows = np.stack([counted, counted + scale * entry.residuals[entry.counted]], axis=1)
-    rings = [_ring(corner, 0.7 * DOT * width) for corner in entry.corners[~entry.counted]]
+    dot = _dot(entry.corners, width)
+    rings = [_ring(corner, 0.7 * dot) for corner in entry.corners[~entry.counted]]
     parts = []
     for rim, wider in (("rim", 1.9), ("", 1.0)):
         parts += [
-            dots(counted, f"corner {rim}", stroke_width=_width(DOT * width * (1 + (wider - 1) / 2))),
+            dots(counted, f"corner {rim}", stroke_width=_width(dot * (1 + (wider - 1) / 2))),
             polylines(rings, f"ring {rim}", stroke_width=_width(RESIDUAL * width * wider)),
             polylines(arrows, f"residual {rim}", stroke_width=_width(RESIDUAL * width * wider)),
         ]
     found = f"{len(entry.corners)} corners found, {len(counted)} count" if len(entry.corners) else "no board found"
     return drawing(size, *parts, label=f"{entry.name}: {found}")
+
+
+def _dot(corners: Floats, width: float) -> float:
+    """A corner's diameter: smaller where they lie close together."""
+    spacing = float(np.sqrt(np.ptp(corners, axis=0).prod() / len(corners))) if len(corners) else 0.0
+    return float(np.clip(DOT_SPACING * spacing, SMALLEST_DOT * width, LARGEST_DOT * width))
 
 
 def _width(value: float) -> str:
@@ -99,8 +108,7 @@ def _ring(centre: Floats, radius: float) -> Floats:
 
 
 def _badge(entry: BoardEntry) -> Markup:
-    kind = "out" if not entry.included else "wrong" if entry.ratio is not None else "in"
-    said = [element("span", state(entry), class_=f"badge {kind}")]
+    said = [element("span", state(entry), class_="badge in" if entry.included else "badge out")]
     if entry.ratio is not None:
         said.append(element("span", f"looks wrong: {entry.ratio:.1f} times the noise", class_="badge wrong"))
     if entry.ambiguous_offset:
