@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pinholify.board import lattice
+from pinholify.calibration.condensing import condensed
 from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_view
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
@@ -15,6 +16,7 @@ from pinholify.refinement import JointResult, refine
 
 METHODS = ("auto", "joint", "one-image")
 FEWEST_FOR_JOINT = 4
+MOST_FOR_JOINT = 12_000  # corners of all boards; denser ones are condensed, not to take minutes
 
 Progress = Callable[[str], None]
 
@@ -47,15 +49,16 @@ def calibrate(
             corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
         )
     name = reference_view(corner_set, reference).name
+    fewer = condensed(corner_set, MOST_FOR_JOINT)
     try:
-        result = refine(corner_set, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=progress)
+        result = refine(fewer, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=progress)
     except np.linalg.LinAlgError:
         calibrate_one_image(corner_set, reference=name, mirrored=mirrored)  # says it where boards all stand alike
         raise CalibrationError(
             f"the corners of the {len(corner_set.found)} boards fit no camera together: "
             "look for wrongly numbered corners"
         ) from None
-    check_determined(result.camera, corner_set, name)
+    check_determined(result.camera, fewer, name)
     return _calibration(result, corner_set, name, square_mm)
 
 

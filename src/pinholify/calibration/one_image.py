@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
+from pinholify.calibration.condensing import block_side, condensed, condensed_view
 from pinholify.calibration.observation import MappedBoard, map_boards, observe
 from pinholify.calibration.poses import Sighting, refine_intrinsics
 from pinholify.calibration.result import Calibration
@@ -27,6 +28,8 @@ from pinholify.geometry import ConvexRegion, convex_hull, homography_response, n
 from pinholify.gp.fitting import FittedMap, fit_map
 
 MINIMUM_REFERENCE_CORNERS = 16
+MOST_POINTS = 600  # that the process learns from; denser ones are condensed: it takes n³
+MOST_IN_ALL = 12_000
 DRAWS = 200
 LARGEST_RELATIVE_STD = 0.5
 DISAGREEMENT = 2.0  # times the noise's std: a jackknife over unlike boards is itself up to 1.5 times too large
@@ -48,11 +51,12 @@ def calibrate_one_image(
     little is seen, DegenerateError where the boards do not determine K.
     """
     view = reference_view(corner_set, reference)
-    lattice = view.lattice(corner_set.board)
-    fitted = fit_map(view.uv, lattice, kernel=kernel, trend=trend, relative_noise=1.0 / view.weights)
+    learnt = condensed_view(view, corner_set.board, block_side(len(view), MOST_POINTS))
+    lattice = learnt.lattice(corner_set.board)
+    fitted = fit_map(learnt.uv, lattice, kernel=kernel, trend=trend, relative_noise=1.0 / learnt.weights)
     hull = convex_hull(view.uv)
     check_handedness(fitted, view, mirrored)
-    others = _boards_beside_reference(corner_set, view, fitted, hull)
+    others = _boards_beside_reference(condensed(corner_set, MOST_IN_ALL), view, fitted, hull)
     homographies, plane = np.stack([b.homography for b in others]), _plane_normalisation(others)
     closed = simplified_zhang(homographies, plane)
     spread = jackknife_std(homographies, plane)

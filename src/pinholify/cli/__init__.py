@@ -26,6 +26,7 @@ COMMANDS = {
     "compare": "How far two cameras differ, in px over the image.",
     "board": "Print a board, true to scale.",
     "serve": "Calibrate in your browser, with photographs or a live camera.",
+    "gray-code": "Make Gray codes for a screen, and decode photographs of them.",
     "simulate": "Render the paper's six data sets, with truth.",
     "reproduce": "Make the paper's tables and figures anew, beside its own numbers.",
     "demo": "See it work: render a warped scene, calibrate it, straighten it.",
@@ -43,7 +44,7 @@ class LazyGroup(click.Group):
         """The command of that name."""
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"pinholify.cli.{cmd_name}_command")
+        module = importlib.import_module(f"pinholify.cli.{cmd_name.replace('-', '_')}_command")
         command: click.Command = module.command
         return command
 

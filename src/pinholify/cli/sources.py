@@ -56,7 +56,7 @@ def gather_corners(
 
     Says which images show no board, and raises CalibrationError if fewer than ``needed`` show one.
     """
-    from pinholify.io.corner_tables import read_corner_table
+    from pinholify.io.correspondence_tables import read_corners
 
     files = input_files(images, table)
     if table is None:
@@ -65,7 +65,7 @@ def gather_corners(
         return detect_with_progress(files, board, mirrored, needed=needed)
     if image_size is None:
         raise click.UsageError("--corners needs --image-size WxH: a table does not tell the size of the images")
-    corners = read_corner_table(sys.stdin if table == "-" else table, board=board, image_size=image_size)
+    corners = read_corners(sys.stdin if table == "-" else table, board=board, image_size=image_size)
     check_plausible(corners)
     check_found(corners, needed)
     return corners

@@ -1,0 +1,21 @@
+"""Gray codes and waves on a screen: pictures to show, and their captures to thousands of correspondences.
+
+:class:`Sequence` says what is shown, :func:`write_patterns` writes it, :func:`decode_folders` turns captures into nodes
+of the screen.
+"""
+
+from pinholify.detection.gray_code.captures import read_manifest, write_patterns
+from pinholify.detection.gray_code.decode import Decoded, decode_captures, decode_folders
+from pinholify.detection.gray_code.decoding import ScreenMap
+from pinholify.detection.gray_code.patterns import Pattern, Sequence
+
+__all__ = [
+    "Decoded",
+    "Pattern",
+    "ScreenMap",
+    "Sequence",
+    "decode_captures",
+    "decode_folders",
+    "read_manifest",
+    "write_patterns",
+]

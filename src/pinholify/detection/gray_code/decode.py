@@ -1,0 +1,139 @@
+"""Captured folders to the corners of one camera: decoded, fitted at the nodes, and checked against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import maximum_filter
+
+from pinholify.arrays import Bools, Floats
+from pinholify.board import Screen
+from pinholify.calibration.condensing import foretold
+from pinholify.corners import Corners, CornerSet, not_found
+from pinholify.detection.files import unique_names
+from pinholify.detection.gray_code.captures import capture_paths, read_captures
+from pinholify.detection.gray_code.decoding import ScreenMap, decode
+from pinholify.detection.gray_code.nodes import Nodes, fit_nodes
+from pinholify.detection.gray_code.patterns import Sequence
+from pinholify.detection.intensity import Grey
+from pinholify.errors import ImageError
+
+REACH = 2
+"""Nodes on each side that foretell a node."""
+
+LIMIT = 6.0
+"""Standard deviations from what the neighbours foretell."""
+
+ROUNDS = 12
+"""Of taking out the worst node of each neighbourhood."""
+
+FEWEST_NODES = 16
+WEIGHTS = (0.2, 2.0)
+"""The least and the most that a node may count, a typical one counting 1."""
+
+MEDIAN_LENGTH = float(np.sqrt(2.0 * np.log(2.0)))  # of a residual, in standard deviations per axis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decoded:
+    """The nodes of all poses as ``corners``; ``std_px`` is the standard deviation per axis of one of weight 1."""
+
+    corners: CornerSet
+    std_px: float
+
+
+def decode_folders(
+    folders: Iterable[str | Path],
+    sequence: Sequence,
+    *,
+    spacing: int = 16,
+    on_capture: Callable[[], object] = lambda: None,
+    on_pose: Callable[[str, ScreenMap], object] = lambda name, seen: None,
+) -> Decoded:
+    """Where one camera sees the nodes, ``spacing`` screen pixels apart, of the screen in each of ``folders``.
+
+    Each folder holds the captures of all patterns of ``sequence`` at one pose of the screen, in order. ``on_capture``
+    is called once a capture, ``on_pose`` with each pose's name and what every pixel sees. Raises ImageError for
+    captures that are missing, of mixed sizes, or without a lit screen, and where something moved meanwhile; BoardError
+    for an impossible spacing.
+    """
+    screen = Screen(*sequence.size, spacing)
+    paths = [Path(folder) for folder in folders]
+    captures = [capture_paths(path, sequence) for path in paths]
+    size: tuple[int, int] | None = None
+    found: list[tuple[str, Nodes]] = []
+    for name, files in zip(unique_names(paths), captures, strict=True):
+        decoded = decode(_counted(read_captures(files, size), on_capture), sequence, name)
+        size = (decoded.x.shape[1], decoded.x.shape[0])
+        found.append((name, fit_nodes(decoded, screen)))
+        on_pose(name, decoded)
+    if size is None:
+        raise ImageError("no folder of captures was given; give one for each pose of the screen")
+    std = _typical([nodes for _, nodes in found])
+    views = [_view(name, nodes, screen, std) for name, nodes in found]
+    return Decoded(CornerSet(screen, size, tuple(views)), std)
+
+
+def _counted(images: Iterable[Grey], on_capture: Callable[[], object]) -> Iterator[Grey]:
+    for image in images:
+        on_capture()
+        yield image
+
+
+def decode_captures(images: Iterable[Grey], sequence: Sequence, *, spacing: int = 16, name: str = "") -> Decoded:
+    """The same of one pose whose captures (height, width), 0 … 1, are at hand."""
+    decoded = decode(images, sequence, name)
+    screen = Screen(*sequence.size, spacing)
+    nodes = fit_nodes(decoded, screen)
+    std = _typical([nodes])
+    size = (decoded.x.shape[1], decoded.x.shape[0])
+    return Decoded(CornerSet(screen, size, (_view(name, nodes, screen, std),)), std)
+
+
+def _typical(found: list[Nodes]) -> float:
+    """The median standard deviation of all nodes, px; 1 where there are none."""
+    every = np.concatenate([nodes.std for nodes in found])
+    return float(np.median(every)) if len(every) else 1.0
+
+
+def _view(name: str, nodes: Nodes, screen: Screen, std: float) -> Corners:
+    """The nodes that agree with their neighbours; none, with the reason, where they are too few."""
+    weights = np.clip(std / nodes.std, *WEIGHTS)
+    view = without_strangers(Corners(name, nodes.ids, nodes.uv, weights), screen, std)
+    if len(view) < FEWEST_NODES:
+        reason = f"the screen is seen in too small a part or too coarsely: {len(view)} nodes could be decoded"
+        return not_found(name, reason)
+    return view
+
+
+def without_strangers(view: Corners, screen: Screen, std: float) -> Corners:
+    """``view`` without the nodes that lie elsewhere than their neighbours say, or that have too few to say.
+
+    ``std`` (px) is that of a node of weight 1.
+    """
+    for _ in range(ROUNDS):
+        if not len(view):
+            break
+        uv, variance = foretold(view, screen, REACH)
+        told = np.isfinite(variance)
+        if not told.all():
+            view = view.select(told)
+            continue
+        excess = np.linalg.norm(uv - view.uv, axis=1) / (std * np.sqrt(variance + view.weights**-2.0))
+        scale = max(1.0, float(np.median(excess)) / MEDIAN_LENGTH)
+        wrong = (excess > LIMIT * scale) & _worst_around(view, screen, excess)
+        if not wrong.any():
+            break
+        view = view.select(~wrong)
+    return view
+
+
+def _worst_around(view: Corners, screen: Screen, excess: Floats) -> Bools:
+    """Which nodes have the largest ``excess`` (n,) of those that they foretell."""
+    row, column = np.divmod(view.ids, screen.columns)
+    grid = np.zeros((screen.rows, screen.columns))
+    grid[row, column] = excess
+    return np.asarray(excess >= maximum_filter(grid, 2 * REACH + 1)[row, column])

@@ -1,0 +1,147 @@
+"""Captures of all pictures to the screen pixel that each camera pixel sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from pinholify.arrays import Bools, frozen
+from pinholify.detection.gray_code.patterns import Sequence, from_gray_code
+from pinholify.detection.intensity import Grey
+from pinholify.errors import ImageError
+
+UNLIT = 0.03
+"""White over black, of the sensor's range, below which no screen is seen."""
+
+LIT = 0.1
+"""White over black, of the brightest part's, from which on a pixel is taken to see the screen."""
+
+RESOLVED = 0.15
+"""Contrast of stripes, of white over black, below which a pixel does not see them."""
+
+COARSEST = 4
+"""Screen px: what a pixel must be known to; finer where the camera sees finer stripes."""
+
+MOVED = 0.3
+"""Camera px between the first and the last picture above which something moved."""
+
+SMOOTHED = 2.0
+"""Camera px: the blur before a shift is looked for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScreenMap:
+    """``x`` and ``y`` (height, width) float32: the screen pixel (integer = centre) that each camera pixel sees.
+
+    Both are nan where that is not known.
+    """
+
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "x", frozen(self.x, (None, None), np.float32))
+        object.__setattr__(self, "y", frozen(self.y, self.x.shape, np.float32))
+
+
+def decode(captures: Iterable[Grey], sequence: Sequence, name: str) -> ScreenMap:
+    """The screen as seen in ``captures`` (height, width), 0 … 1, one for each of the sequence's patterns in order.
+
+    ``name`` is what messages call them. Raises ImageError where no lit screen is seen and where something moved.
+    """
+    frames = iter(captures)
+    first, white, black = next(frames), next(frames), next(frames)
+    contrast = white - black
+    lit = contrast > LIT * _brightest(contrast, name)
+    axes = [_along(frames, axis, sequence, contrast) for axis in (0, 1)]
+    shift = shift_between(first, next(frames), lit)
+    if not shift < MOVED:
+        raise ImageError(
+            f"the camera or the screen moved by {shift:.1f} px or more while '{name}' was captured: fix both and "
+            "capture all its patterns again"
+        )
+    known = lit & np.isfinite(axes[0]) & np.isfinite(axes[1])
+    return ScreenMap(*(np.where(known, place, np.nan) for place in axes))
+
+
+def _brightest(contrast: Grey, name: str) -> float:
+    brightest = float(np.quantile(contrast[::2, ::2], 0.999))
+    if brightest < UNLIT:
+        raise ImageError(
+            f"no lit screen is seen in '{name}': its white picture is hardly brighter than its black one (by "
+            f"{max(0.0, 255 * brightest):.0f} grey levels of 255); check the order of the captures, the exposure and "
+            "where the camera looks"
+        )
+    return brightest
+
+
+def _along(frames: Iterator[Grey], axis: int, sequence: Sequence, contrast: Grey) -> Grey:
+    """The screen's columns (axis 0) or rows (1) at each pixel; nan where they are not known."""
+    place, interval = _gray_place(frames, sequence.bits(axis), contrast)
+    if sequence.steps:
+        place, interval = _wave_place(frames, sequence, contrast, place, interval)
+    known = (interval <= COARSEST) & (place > -0.5) & (place < sequence.size[axis] - 0.5)
+    return np.where(known, place, np.float32(np.nan))
+
+
+def _gray_place(frames: Iterator[Grey], bits: range, contrast: Grey) -> tuple[Grey, Grey]:
+    """The middle of the stripe that each pixel sees, and that stripe's width; screen px.
+
+    A bit too faint to see matters only where all finer ones are too: the border of a single bit's stripes is the middle
+    of a stripe of the next coarser one, so that the pixel there is known all the better.
+    """
+    code = np.zeros(contrast.shape, np.int64)
+    blurred = np.zeros(contrast.shape, np.int64)  # how many of the finest bits are too faint
+    for bit in bits:
+        difference = next(frames)
+        difference = difference - next(frames)
+        code |= (difference > 0).astype(np.int64) << bit
+        blurred = np.where(np.abs(difference) < RESOLVED * contrast, blurred + 1, 0)
+    shift = blurred + bits[-1]
+    start = from_gray_code(code) >> shift << shift
+    width = np.left_shift(1, shift)
+    return (start + 0.5 * (width - 1)).astype(np.float32), width.astype(np.float32)
+
+
+def _wave_place(
+    frames: Iterator[Grey], sequence: Sequence, contrast: Grey, place: Grey, interval: Grey
+) -> tuple[Grey, Grey]:
+    """The place by the wave's phase, which of its periods by the Gray code's ``place``, and how well it is known.
+
+    The fundamental of the steps' discrete Fourier transform: with ``steps`` pictures a gamma's overtones below the
+    order steps − 1 do not enter.
+    """
+    sine, cosine = np.zeros_like(contrast), np.zeros_like(contrast)
+    for step in range(sequence.steps):
+        frame, angle = next(frames), 2.0 * np.pi * step / sequence.steps
+        sine += np.float32(np.sin(angle)) * frame
+        cosine += np.float32(np.cos(angle)) * frame
+    period = np.float32(sequence.period)
+    fraction = np.arctan2(sine, cosine) * (period / np.float32(2.0 * np.pi))
+    exact = fraction + period * np.rint((place - fraction) / period)
+    amplitude = np.hypot(sine, cosine) * np.float32(2.0 / sequence.steps)
+    sure = (amplitude > RESOLVED / 2.0 * contrast) & (interval <= sequence.period / 2.0)
+    return exact, np.where(sure, np.float32(0.0), np.float32(np.inf))
+
+
+def shift_between(first: Grey, last: Grey, where: Bools) -> float:
+    """How far (px) what ``first`` shows ``where`` (height, width) has moved in ``last``, the most in any quarter.
+
+    By the images' gradients (Lucas & Kanade 1981), which tell small shifts exactly and large ones as some pixels.
+    """
+    smooth = [gaussian_filter(frame, SMOOTHED) for frame in (first, last)]
+    v_slope, u_slope = np.gradient((smooth[0] + smooth[1]) / 2.0)
+    change = smooth[0] - smooth[1]
+    rows, columns = np.flatnonzero(where.any(axis=1)), np.flatnonzero(where.any(axis=0))
+    shifts = [0.0]
+    for vertical in np.array_split(rows, 2):
+        for horizontal in np.array_split(columns, 2):
+            part = np.ix_(vertical, horizontal)
+            slopes = np.column_stack([u_slope[part].ravel(), v_slope[part].ravel()]).astype(np.float64)
+            shift = np.linalg.lstsq(slopes.T @ slopes, slopes.T @ change[part].ravel(), rcond=1e-6)[0]
+            shifts.append(float(np.linalg.norm(shift)))
+    return max(shifts)

@@ -1,0 +1,202 @@
+"""Where the camera sees the nodes of a screen: a local fit to all decoded pixels around each.
+
+The screen's place is a quadratic in the camera pixel over the ``spacing`` × ``spacing`` screen pixels around a node;
+the node lies where that polynomial says so. Camera pixels are exact, and the noise (of the Gray code its rounding) is
+the screen place's, so the fit runs that way. All cells are fitted at once, by sums over their pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats, Ints
+from pinholify.board import Screen, size
+from pinholify.detection.gray_code.decoding import ScreenMap
+
+FEWEST_PIXELS = 16
+"""Of a cell: what a quadratic takes, and something to tell its noise by."""
+
+COVERED = 0.6
+"""Of the pixels that a whole cell has in the image: below it the cell is cut by an edge, of a hand or the image."""
+
+AROUND_MEDIAN = 4.0
+"""Median deviations from a cell's median place in the image, beyond which a pixel is not of the cell."""
+
+OUTLIER = 4.0
+"""Standard deviations of a cell's residuals."""
+
+ROUNDS = 3
+NEWTON_STEPS = 4
+CHUNK = 400_000
+"""Pixels fitted at a time."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Nodes:
+    """Nodes ``ids`` (n,) of a screen, seen at ``uv`` (n, 2) px with a standard deviation ``std`` (n,) px per axis."""
+
+    ids: Ints
+    uv: Floats
+    std: Floats
+
+    def select(self, keep: Bools) -> Nodes:
+        """Those where ``keep`` (n,) is true."""
+        return Nodes(self.ids[keep], self.uv[keep], self.std[keep])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cells:
+    """Pixels sorted by cell: ``uv`` (p, 2), their places ``xy`` (p, 2) on the screen in spacings from the cell's node,
+    ``starts`` (n,) of the cells ``ids`` (n,).
+    """
+
+    ids: Ints
+    starts: Ints
+    uv: Floats
+    xy: Floats
+
+    def counts(self) -> Ints:
+        return np.diff(np.append(self.starts, len(self.uv)))
+
+    def sums(self, values: Floats) -> Floats:
+        return np.asarray(np.add.reduceat(values, self.starts, axis=0))
+
+    def select(self, keep: Bools) -> _Cells:
+        """The pixels where ``keep`` (p,); cells left with too few vanish."""
+        enough = self.sums(keep.astype(np.int64)) >= FEWEST_PIXELS
+        counts = self.counts()
+        keep = keep & np.repeat(enough, counts)
+        left = self.sums(keep.astype(np.int64))[enough]
+        starts = np.concatenate([[0], np.cumsum(left)[:-1]]).astype(np.int64)
+        return _Cells(self.ids[enough], starts[: len(left)], self.uv[keep], self.xy[keep])
+
+
+def fit_nodes(decoded: ScreenMap, screen: Screen) -> Nodes:
+    """The nodes of ``screen`` that ``decoded`` shows, each by a fit of its own; wrong ones may be among them."""
+    parts = [_fit(cells, screen.spacing) for cells in _cells(decoded, screen)]
+    parts = parts or [Nodes(np.empty(0, np.int64), np.empty((0, 2)), np.empty(0))]
+    return Nodes(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("ids", "uv", "std")))
+
+
+def _cells(decoded: ScreenMap, screen: Screen) -> Iterator[_Cells]:
+    """The decoded pixels, sorted by cell, some cells at a time."""
+    v, u = np.nonzero(np.isfinite(decoded.x))
+    x, y = ((place[v, u] + 0.5) / screen.spacing for place in (decoded.x, decoded.y))
+    column, row = x.astype(np.int64), y.astype(np.int64)
+    cell = np.where((column < screen.columns) & (row < screen.rows), row * screen.columns + column, size(screen))
+    order = np.lexsort((u, cell))
+    order = order[: np.searchsorted(cell[order], size(screen))]
+    ids, starts = np.unique(cell[order], return_index=True)
+    for first, last in _chunks(starts, len(order)):
+        ends = np.append(starts, len(order))
+        some = order[starts[first] : ends[last]]
+        uv = np.column_stack([u[some], v[some]]).astype(np.float64)
+        xy = np.column_stack([x[some] - column[some], y[some] - row[some]]) - 0.5
+        yield _Cells(ids[first:last], starts[first:last] - starts[first], uv, xy)
+
+
+def _chunks(starts: Ints, total: int) -> Iterator[tuple[int, int]]:
+    """Ranges of cells of about ``CHUNK`` pixels each."""
+    bounds = np.searchsorted(starts, np.arange(0, total, CHUNK))
+    bounds = np.unique(np.append(bounds, len(starts)))
+    yield from zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
+
+
+def _fit(cells: _Cells, spacing: int) -> Nodes:
+    cells = cells.select(_near_median(cells))
+    for i in range(ROUNDS):
+        if not len(cells.ids):
+            return Nodes(cells.ids, np.empty((0, 2)), np.empty(0))
+        fit = _quadratics(cells)
+        length = np.linalg.norm(fit.residual, axis=1)
+        if i + 1 < ROUNDS:
+            cells = cells.select(length <= OUTLIER * np.repeat(fit.noise, cells.counts()))
+    place, slope = _newton(fit.coefficients)
+    leverage = _leverage(fit.gram, _monomials(place))
+    inverse = np.linalg.inv(slope) * fit.scale[:, None, None]
+    std = fit.noise * np.sqrt(leverage * (inverse**2).sum(axis=(1, 2)) / 2.0)
+    whole = np.abs(np.linalg.det(inverse))  # px² that a cell takes in the image
+    good = (np.linalg.norm(place, axis=1) < 1.0) & (cells.counts() > COVERED * whole) & np.isfinite(std) & (std > 0)
+    uv = fit.centre + place * fit.scale[:, None]
+    return Nodes(cells.ids, uv, std).select(good)
+
+
+def _near_median(cells: _Cells) -> Bools:
+    """Which pixels (p,) lie about where most of their cell's do: a wrong code may come from anywhere."""
+    keep = np.ones(len(cells.uv), dtype=bool)
+    counts = cells.counts()
+    for axis in (0, 1):
+        distance = np.abs(cells.uv[:, axis] - np.repeat(_medians(cells, cells.uv[:, axis]), counts))
+        keep &= distance <= np.repeat(AROUND_MEDIAN * _medians(cells, distance) + 1.0, counts)
+    return keep
+
+
+def _medians(cells: _Cells, values: Floats) -> Floats:
+    """The median of ``values`` (p,) in each cell."""
+    counts = cells.counts()
+    order = np.lexsort((values, np.repeat(np.arange(len(counts)), counts)))
+    return np.asarray(values[order[cells.starts + counts // 2]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """The quadratics of n cells: ``coefficients`` (n, 6, 2) of the monomials of (uv − ``centre``)/``scale``, their
+    ``gram`` (n, 6, 6), the ``residual`` (p, 2) of each pixel and ``noise`` (n,) per axis, in spacings.
+    """
+
+    centre: Floats
+    scale: Floats
+    coefficients: Floats
+    gram: Floats
+    residual: Floats
+    noise: Floats
+
+
+def _quadratics(cells: _Cells) -> _Fit:
+    counts = cells.counts()
+    centre = cells.sums(cells.uv) / counts[:, None]
+    offset = cells.uv - np.repeat(centre, counts, axis=0)
+    scale = np.sqrt(cells.sums((offset**2).sum(axis=1)) / counts)
+    rows = _monomials(offset / np.repeat(scale, counts)[:, None])
+    gram = np.empty((len(counts), 6, 6))
+    for i in range(6):
+        gram[:, i] = cells.sums(rows[:, i : i + 1] * rows)
+    right = np.stack([cells.sums(rows * cells.xy[:, axis, None]) for axis in (0, 1)], axis=2)
+    gram[:, range(6), range(6)] += 1e-9 * counts[:, None]  # cells of pixels in a line: dropped later, not an error now
+    coefficients: Floats = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)
+    residual = cells.xy - np.einsum("pi,pij->pj", rows, np.repeat(coefficients, counts, axis=0))
+    noise = np.sqrt(cells.sums((residual**2).sum(axis=1)) / (2.0 * (counts - 6)))
+    return _Fit(centre, scale, coefficients, gram, residual, noise)
+
+
+def _monomials(p: Floats) -> Floats:
+    """1, a, b, a², ab, b² of points (n, 2): (n, 6)."""
+    a, b = p.T
+    return np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=1)
+
+
+def _newton(coefficients: Floats) -> tuple[Floats, Floats]:
+    """Where the quadratics (n, 6, 2) are zero, near the origin: (n, 2), and their derivatives there (n, 2, 2)."""
+    place = np.zeros((len(coefficients), 2))
+    for _ in range(NEWTON_STEPS):
+        value = np.einsum("ni,nij->nj", _monomials(place), coefficients)
+        slope = _slope(coefficients, place)
+        place = place - np.clip(np.linalg.solve(slope, value[:, :, None])[:, :, 0], -1.0, 1.0)
+    return place, _slope(coefficients, place)
+
+
+def _slope(coefficients: Floats, place: Floats) -> Floats:
+    a, b = place[:, :1], place[:, 1:]
+    c = coefficients
+    by_a = c[:, 1] + 2.0 * a * c[:, 3] + b * c[:, 4]
+    by_b = c[:, 2] + a * c[:, 4] + 2.0 * b * c[:, 5]
+    return np.stack([by_a, by_b], axis=2) + 1e-12 * np.eye(2)
+
+
+def _leverage(gram: Floats, monomials: Floats) -> Floats:
+    """Variance (n,) of the fit at a place, in noise variances."""
+    solved = np.linalg.solve(gram, monomials[:, :, None])[:, :, 0]
+    return np.asarray((monomials * solved).sum(axis=1))

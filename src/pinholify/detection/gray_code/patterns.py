@@ -1,0 +1,133 @@
+"""The pictures a screen shows, one after the other, so that each of its pixels is known by what it showed.
+
+A reflected Gray code (Gray 1953; for screens: Inokuchi, Sato & Matsuda 1984) numbers columns and rows: neighbours
+differ in one bit, so that a pixel which looks at the border of two stripes is wrong by one at most. Each stripe picture
+is followed by its inverse, and only the two are compared: neither ambient light nor the screen's gamma matters. Waves
+(phase shifts; Srinivasan, Liu & Halioua 1984) beside the code tell fractions of a screen pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinholify.arrays import Ints
+from pinholify.errors import InputError
+
+AXES = ("column", "row")
+CHECKS = 12
+"""Squares of the check picture along the screen's shorter side."""
+
+PARTS_OF_WAVE = 4
+"""Stripes into which the Gray code must divide a wave's period, so that it tells the periods apart for certain."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """One picture. ``kind``: ``check``, ``white``, ``black``, ``bit``, ``inverse`` or ``wave``.
+
+    ``axis`` is what it numbers, 0 the columns and 1 the rows; ``index`` is a bit's place value, 0 the finest, or a
+    wave's step.
+    """
+
+    kind: str
+    axis: int = 0
+    index: int = 0
+
+    @property
+    def name(self) -> str:
+        """A few words for file names: ``column-bit7-inverse``."""
+        if self.kind not in ("bit", "inverse", "wave"):
+            return self.kind
+        what = "wave" if self.kind == "wave" else "bit"
+        return f"{AXES[self.axis]}-{what}{self.index}" + "-inverse" * (self.kind == "inverse")
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """All pictures for a screen of ``size`` (width, height) px.
+
+    ``steps`` pictures a wave of ``period`` screen px, none where ``steps`` is 0; waves spare the bits they make
+    needless. ``pixel_mm`` is the distance of two screen pixels where it is known. Raises InputError for one or two
+    steps, for periods that are no power of two from 8 on, and for screens below 32 px.
+    """
+
+    size: tuple[int, int]
+    steps: int = 0
+    period: int = 32
+    pixel_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        if min(self.size) < 32 or max(self.size) > 1 << 15:
+            raise InputError(
+                f"a screen of {self.size[0]}x{self.size[1]} px was given; its sides must be 32 to {1 << 15} px"
+            )
+        if self.steps < 0 or self.steps in (1, 2):
+            raise InputError(f"{self.steps} steps of a wave were asked for; it takes 3 or more, or 0 for no waves")
+        if self.period < 8 or self.period & (self.period - 1):
+            raise InputError(f"a wave of {self.period} px was asked for; its period must be 8, 16, 32 or so on")
+
+    @property
+    def finest(self) -> int:
+        """Place value of the finest bit that is shown."""
+        return (self.period // PARTS_OF_WAVE).bit_length() - 1 if self.steps else 0
+
+    def bits(self, axis: int) -> range:
+        """Place values of the bits along ``axis``, coarsest first."""
+        return range((self.size[axis] - 1).bit_length() - 1, self.finest - 1, -1)
+
+    @property
+    def patterns(self) -> tuple[Pattern, ...]:
+        """All pictures in order; the check picture stands first and last, to see whether something moved."""
+        return (Pattern("check"), Pattern("white"), Pattern("black"), *self._axis(0), *self._axis(1), Pattern("check"))
+
+    def _axis(self, axis: int) -> Iterator[Pattern]:
+        for bit in self.bits(axis):
+            yield Pattern("bit", axis, bit)
+            yield Pattern("inverse", axis, bit)
+        for step in range(self.steps):
+            yield Pattern("wave", axis, step)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """A file name for each picture, in order also when sorted."""
+        digits = len(str(len(self.patterns)))
+        return tuple(f"{i:0{digits}d}-{pattern.name}.png" for i, pattern in enumerate(self.patterns))
+
+    def picture(self, pattern: Pattern) -> NDArray[np.uint8]:
+        """What the screen shows: (height, width) uint8, 0 black, 255 white."""
+        width, height = self.size
+        if pattern.kind == "check":
+            side = max(1, min(self.size) // CHECKS)
+            light = (np.arange(height)[:, None] // side + np.arange(width) // side) % 2
+            return np.asarray(255 * light, dtype=np.uint8)
+        if pattern.kind in ("white", "black"):
+            return np.full((height, width), 255 * (pattern.kind == "white"), dtype=np.uint8)
+        levels = self._levels(pattern)
+        whole = np.broadcast_to(levels if pattern.axis == 0 else levels[:, None], (height, width))
+        return np.ascontiguousarray(whole)
+
+    def _levels(self, pattern: Pattern) -> NDArray[np.uint8]:
+        """The grey levels along the axis, (width or height,)."""
+        place = np.arange(self.size[pattern.axis])
+        if pattern.kind == "wave":
+            phase = 2.0 * np.pi * (place / self.period - pattern.index / self.steps)
+            return np.rint(127.5 * (1.0 + np.cos(phase))).astype(np.uint8)
+        light = (gray_code(place) >> pattern.index & 1) ^ (pattern.kind == "inverse")
+        return np.asarray(255 * light, dtype=np.uint8)
+
+
+def gray_code(number: Ints) -> Ints:
+    """The reflected Gray code of ``number``."""
+    return np.asarray(number ^ (number >> 1))
+
+
+def from_gray_code(code: Ints) -> Ints:
+    """The numbers below 2¹⁶ whose Gray codes are ``code``."""
+    number = np.array(code)
+    for shift in (1, 2, 4, 8):
+        number ^= number >> shift
+    return number
