@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pinholify.arrays import Bools, Floats
 from pinholify.charts import Chart, Intrinsics
 from pinholify.geometry import ConvexRegion
-from pinholify.gp.maps import PlaneMap
+
+if TYPE_CHECKING:  # SciPy takes longer to load than all the rest of mapping pixels to rays
+    from scipy.spatial import cKDTree
+
+    from pinholify.gp.maps import PlaneMap
 
 START_GRID = 48
 
@@ -157,6 +161,8 @@ def invert(camera: VirtualCamera, q: Floats) -> Floats:
 @lru_cache(maxsize=8)
 def _start_grid(camera: VirtualCamera) -> tuple[Floats, cKDTree, float]:
     """Pixels (n, 2) to start from, the tree of what the map says of them, and the longest step that helps."""
+    from scipy.spatial import cKDTree
+
     (width, height), hull = camera.image_size, camera.domain.hull
     u, v = np.linspace(0, width - 1, START_GRID), np.linspace(0, height - 1, START_GRID)
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)

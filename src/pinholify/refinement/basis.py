@@ -41,9 +41,12 @@ class SineBasis:
         return np.asarray(np.pi * self.order / (2.0 * self.half_box))
 
     def values(self, w: Floats) -> Floats:
-        """φ at ``w`` (n, 2): (n, M)."""
+        """φ at ``w`` (n, 2): (n, M), a function after the other in memory."""
         (u, v), _ = self._factors(w)
-        return np.asarray(u[:, self.order[:, 0] - 1] * v[:, self.order[:, 1] - 1])
+        values = np.empty((len(self), len(w)))
+        for row, (j, k) in zip(values, self.order - 1, strict=True):
+            np.multiply(u[:, j], v[:, k], out=row)
+        return values.T
 
     def combine(self, weights: Floats, w: Floats) -> tuple[Floats, Floats]:
         """g = Σ φ · ``weights`` (M, m) at ``w`` (n, 2), and ∂g/∂w: (n, m) and (n, m, 2)."""
@@ -78,17 +81,21 @@ class SineBasis:
             count = int(self.order[:, axis].max(initial=0))
             length = self.half_box[axis]
             omega = np.pi * np.arange(1, count + 1) / (2.0 * length)
-            wave = _powers(np.exp(1j * np.pi * (w[:, axis] + length) / (2.0 * length)), count) / np.sqrt(length)
-            values.append(wave.imag)
-            slopes.append(wave.real * omega)
+            angle = np.pi * (w[:, axis] + length) / (2.0 * length)
+            cosines, sines = _multiples(np.cos(angle), np.sin(angle), count)
+            values.append(sines.T / np.sqrt(length))
+            slopes.append((cosines * (omega / np.sqrt(length))[:, None]).T)
         return (values[0], values[1]), (slopes[0], slopes[1])
 
 
-def _powers(base: np.ndarray, count: int) -> np.ndarray:
-    """``base`` to the powers 1 … ``count``: (n, count), by multiplication, which is cheaper than as many
-    sines.
-    """
-    return np.cumprod(np.broadcast_to(base[:, None], (len(base), count)), axis=1)
+def _multiples(cosine: Floats, sine: Floats, count: int) -> tuple[Floats, Floats]:
+    """Cosines and sines (count, n) of 1 … ``count`` times an angle, by products, which are cheaper than sines."""
+    waves = np.empty((count, len(cosine)), dtype=complex)
+    step = cosine + 1j * sine
+    power = np.ones_like(step)
+    for row in waves:
+        power = np.multiply(power, step, out=row)
+    return waves.real, waves.imag
 
 
 def sine_basis(half_size: Floats, length_scale: float) -> SineBasis:

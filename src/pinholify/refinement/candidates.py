@@ -39,7 +39,6 @@ GRID = 15
 FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
 ENDS_COST = 100.0  # nats
 WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
-PATIENCE = 1  # orders without gain after which higher ones are not tried
 WORTH = 3.0  # nats that the process must bring for its two parameters
 CONTENDERS, WINDOW = 6, 40.0  # how many of the best get a closer look, and how many nats behind the best
 
@@ -117,36 +116,40 @@ def solve_trend(setting: Setting, trend: Trend, known: Solution, seen: Observati
     return minimise(model, state, seen, model.trend_precision(), Loss())
 
 
-def linearise_with(model: Model, solution: Solution, basis: SineBasis, seen: Observations) -> Linearised:
+def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen: Observations) -> Linearised:
     """The linearised problem around a solution without process, with the functions of ``basis`` at weight
     zero.
     """
-    state = solution.state
-    widened = Model(model.trend, basis, model.shape)
+    state, trend = solution.state, solution.model.trend
+    widened = setting.model(trend, basis)
     state = State(np.zeros((len(basis), 2)), state.beta, state.eta, state.rotations, state.translations)
     linear = widened.linearise(state, seen, solution.prediction)
     equations = eliminate(linear, solution.prediction.residual, seen.weight**2, seen)
-    return linearised(equations, seen.boards, state.globals, basis.frequencies, model.trend_precision())
+    return linearised(equations, seen.boards, state.globals, basis.frequencies, widened.trend_precision())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """A search's general trend without process, linearised with it; and the trends within it, best first."""
+    """A search's general trend without process; and the trends within it, best first."""
 
     trend: Trend
     solution: Solution
-    problem: Linearised
     plain: tuple[Candidate, ...]
 
 
 def solve(setting: Setting, search: Search, known: Solution, seen: Observations) -> Solved | None:
-    """``search`` without process; None where it does not fit."""
-    solution = solve_trend(setting, search.general, known, seen)
+    """``search`` without process; None where it does not fit.
+
+    Solved for some of the corners, which leads so near to what all of them say that one step makes up for the rest.
+    """
+    led = solve_trend(setting, search.general, known, seen.thinned())
+    if led is None:
+        return None
+    model = led.model
+    solution = minimise(model, led.state, seen, model.trend_precision(), Loss(), most_steps=1)
     if solution is None:
         return None
-    basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE)
-    problem = linearise_with(setting.model(search.general), solution, basis, seen)
-    alone = problem.without_process()
+    alone = linearise_with(setting, solution, no_basis(setting.half_size), seen)
     plain = []
     for trend in search.within:
         part = alone.without(_removed(search.general, trend, alone))
@@ -154,7 +157,7 @@ def solve(setting: Setting, search: Search, known: Solution, seen: Observations)
         if candidate is not None:
             plain.append(candidate)
     plain.sort(key=lambda candidate: -candidate.score)
-    return Solved(search.general, solution, problem, tuple(plain)) if plain else None
+    return Solved(search.general, solution, tuple(plain)) if plain else None
 
 
 def _removed(general: Trend, trend: Trend, problem: Linearised) -> Bools:
@@ -197,13 +200,12 @@ def candidates(
             yield from each.plain
             if sufficient:
                 continue
-            found = list(_with_process(setting, each, start or _first_guess(setting, each)))
-            yield from found
-            if not found:
+            found = _with_process(setting, each, start, seen)
+            if found is None:
                 continue
-            best = max(found, key=lambda candidate: candidate.log_evidence)
-            sufficient = best.log_evidence < strongest + WORTH
-            start = _strong_enough(best.hyperparameters)
+            yield found
+            sufficient = found.log_evidence < strongest + WORTH
+            start = _strong_enough(found.hyperparameters)
 
 
 def _first_guess(setting: Setting, solved: Solved) -> Hyperparameters:
@@ -217,23 +219,34 @@ def _strong_enough(hyperparameters: Hyperparameters) -> Hyperparameters | None:
     return hyperparameters if np.exp(hyperparameters.kernel[0]) > WEAK * hyperparameters.noise else None
 
 
-def _with_process(setting: Setting, solved: Solved, start: Hyperparameters) -> Iterator[Candidate]:
-    """The best trend of each order with the process, rising until more order does not help."""
-    best, worse = -np.inf, 0
-    for order in sorted({candidate.trend.order for candidate in solved.plain}):
-        plain = next(candidate for candidate in solved.plain if candidate.trend.order == order)
-        problem = solved.problem.without(_removed(solved.trend, plain.trend, solved.problem))
-        fit = maximise_evidence(
-            problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE, most=15
+def _with_process(
+    setting: Setting, solved: Solved, start: Hyperparameters | None, seen: Observations
+) -> Candidate | None:
+    """The best trend of the search with the process, its order chosen with the hyperparameters of another search."""
+    whole = linearise_with(setting, solved.solution, sine_basis(setting.half_size, SCREENING_LENGTH_SCALE), seen)
+    leaders: dict[int, Trend] = {}
+    for plain in solved.plain:
+        leaders.setdefault(plain.trend.order, plain.trend)
+    problems = {trend: whole.without(_removed(solved.trend, trend, whole)) for trend in leaders.values()}
+
+    def fit(trend: Trend, start: Hyperparameters) -> Fit:
+        return maximise_evidence(
+            problems[trend],
+            setting.density,
+            start,
+            shortest=setting.shortest,
+            resolved=SCREENING_LENGTH_SCALE,
+            most=15,
         )
-        start = _strong_enough(fit.hyperparameters) or start
-        found = _candidate(setting, plain.trend, solved.solution, problem, fit)
-        if found is not None:
-            yield found
-        worse = worse + 1 if fit.log_evidence < best else 0
-        best = max(best, fit.log_evidence)
-        if worse == PATIENCE:
-            return
+
+    start = start or fit(solved.plain[0].trend, _first_guess(setting, solved)).hyperparameters
+    best = max(problems, key=lambda trend: _evidence(setting, problems[trend], start))
+    return _candidate(setting, best, solved.solution, problems[best], fit(best, start))
+
+
+def _evidence(setting: Setting, problem: Linearised, at: Hyperparameters) -> float:
+    precision = at.precision(setting.density, problem.frequencies, problem.precision)
+    return posterior(problem, precision, at.noise).log_evidence
 
 
 def contest(
@@ -249,8 +262,11 @@ def contest(
     for candidate in sorted(tried, key=lambda candidate: -candidate.score):
         leaders.setdefault(id(candidate.origin), candidate)
     ranked = list(leaders.values())
-    close = {leader.trend.around(): leader for leader in reversed(ranked) if leader.score > ranked[0].score - WINDOW}
-    some = list(close.values())[-CONTENDERS:]
+    close: dict[Search, Candidate] = {}
+    for leader in ranked:
+        if leader.score > ranked[0].score - WINDOW:
+            close.setdefault(leader.trend.around(), leader)
+    some = list(close.values())[:CONTENDERS]
     finalists = [found for leader in some if (found := _closer(setting, leader, allowed, seen)) is not None]
     return sorted(finalists, key=lambda candidate: -candidate.score)
 
@@ -265,14 +281,11 @@ def _closer(
         return None
     hyper = leader.hyperparameters
     basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if len(hyper.kernel) else no_basis(setting.half_size)
-    whole = linearise_with(setting.model(search.general), solution, basis, seen)
+    whole = linearise_with(setting, solution, basis, seen)
     found = []
     for trend in filter(allowed.__contains__, search.within):
         problem = whole.without(_removed(search.general, trend, whole))
-        evidence = posterior(
-            problem, hyper.precision(setting.density, problem.frequencies, problem.precision), hyper.noise
-        )
-        candidate = _candidate(setting, trend, solution, problem, Fit(hyper, evidence.log_evidence))
+        candidate = _candidate(setting, trend, solution, problem, Fit(hyper, _evidence(setting, problem, hyper)))
         if candidate is not None:
             found.append(candidate)
     if not found:

@@ -15,7 +15,7 @@ from pinholify.refinement.observations import Observations
 from pinholify.refinement.outliers import consistent, locally_consistent, misfitting_boards, with_enough
 from pinholify.refinement.settle import Settled, settle
 from pinholify.refinement.solver import Loss, Solution, minimise
-from pinholify.refinement.start import ROBUST, reposed
+from pinholify.refinement.start import ROBUST, STEPS, reposed
 
 ROUNDS = 3
 HALF = 0.5
@@ -36,14 +36,14 @@ class Cleaned:
 
 def screen(setting: Setting, first: Solution, everything: Observations) -> tuple[Observations, Solution]:
     """The corners that agree with their neighbours, and the first solution refined on them alone."""
-    keep = locally_consistent(first.prediction.residual, everything)
+    keep = locally_consistent(first.model.predict(first.state, everything).residual, everything)
     share = everything.sums(keep.astype(float)) / everything.sums(np.ones(len(keep)))
     keep = with_enough(everything, keep & (share >= HALF)[everything.view])
     if not keep.any():
         raise CalibrationError("no board's corners agree with the others': look for a wrong board size")
     seen = everything.select(keep)
     state = first.state.of_boards(np.isin(np.arange(everything.boards), everything.view[keep]))
-    known = minimise(first.model, state, seen, first.model.trend_precision(), ROBUST)
+    known = minimise(first.model, state, seen.thinned(), first.model.trend_precision(), ROBUST, most_steps=STEPS)
     if known is None:
         raise CalibrationError("the joint solve broke down at its start: look for a wrong board size")
     return seen, known
@@ -64,7 +64,7 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
         seen = everything.select(keep)
         kept = np.isin(np.arange(everything.boards), everything.view[keep])
         best = replace(best, hyperparameters=settled.hyperparameters)
-        settled = settle(setting, best, seen, _at(settled, state.of_boards(kept), seen))
+        settled = settle(setting, best, seen, state.of_boards(kept))
     state, residual = _judged(settled, seen, everything)
     inside = dict(zip(everything.names, everything.slices(), strict=True))
     inlier = np.zeros(len(everything.view), dtype=bool)
@@ -76,11 +76,6 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
         {name: inlier[inside[name]] for name in seen.names},
         misfits,
     )
-
-
-def _at(settled: Settled, state: State, seen: Observations) -> Solution:
-    model = settled.model
-    return Solution(model, state, model.predict(state, seen), np.inf, settled.hyperparameters.noise)
 
 
 def _judged(settled: Settled, seen: Observations, everything: Observations) -> tuple[State, Floats]:

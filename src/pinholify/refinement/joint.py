@@ -78,7 +78,7 @@ def refine(
         _covered(everything),
         SHORTEST * _spacing(everything),
     )
-    first = first_solution(setting, everything)
+    first = first_solution(setting, everything.thinned())
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
     seen, known = screen(setting, first, everything)
     finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)

@@ -124,8 +124,10 @@ class Model:
     def linearise(self, state: State, seen: Observations, at: Prediction) -> Linearisation:
         """The derivatives of the prediction ``at`` ``state``."""
         by_ray, by_beta = self.trend.jacobians(state.beta, at.undisplaced, at.chart)
-        by_camera = (at.slope @ by_ray) @ self.trend.chart.coordinate_jacobian(at.camera)
+        if len(self.basis):
+            by_ray, by_beta = at.slope @ by_ray, at.slope @ by_beta
+        by_camera = by_ray @ self.trend.chart.coordinate_jacobian(at.camera)
         by_eta = by_camera @ state.rotations[seen.view] @ self.shape.jacobian(seen.lattice)
-        shared = np.concatenate([at.slope @ by_beta, by_eta], axis=2)
+        shared = np.concatenate([by_beta, by_eta], axis=2)
         by_turn = np.cross(at.turned[:, None, :], by_camera)
         return Linearisation(self.basis.values(at.undisplaced), shared, np.concatenate([by_turn, by_camera], axis=2))

@@ -10,6 +10,8 @@ from pinholify.arrays import Floats
 from pinholify.refinement.model import Linearisation
 from pinholify.refinement.observations import Observations
 
+POSE = 6
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NormalEquations:
@@ -44,17 +46,18 @@ def eliminate(
     ``damping`` adds that part of its diagonal to each pose's block and to the shared parameters' (Levenberg-
     Marquardt).
     """
-    root = np.sqrt(weight)
-    basis = linear.basis * root[:, None]
-    shared, pose, r = (a * root.reshape(-1, *[1] * (a.ndim - 1)) for a in (linear.shared, linear.pose, residual))
-    matrix, right = _global_blocks(basis, shared, r, damping)
-    blocks = seen.sums(np.einsum("nai,naj->nij", pose, pose))
-    blocks *= 1.0 + damping * np.eye(6)
+    root = np.sqrt(weight)[:, None]
+    basis = linear.basis * root
+    dense = np.concatenate([linear.pose, linear.shared, residual[:, :, None]], axis=2) * root[:, :, None]
+    matrix, right = _global_blocks(basis, dense[:, :, POSE:], damping)
+    products = _board_products(basis, dense, seen)
+    blocks = products[:, :, -POSE:] * (1.0 + damping * np.eye(POSE))
     inverse_roots = np.linalg.inv(np.linalg.cholesky(blocks))
-    pose_right = np.einsum("kij,kj->ki", inverse_roots, seen.sums(np.einsum("nai,na->ni", pose, r)))
-    cross = inverse_roots @ _cross_blocks(basis, shared, pose, seen)
+    reduced = inverse_roots @ products[:, :, :-POSE]
+    cross, pose_right = reduced[:, :, :-1], reduced[:, :, -1]
     flat = cross.reshape(-1, cross.shape[2])
     log_det = -2.0 * float(np.log(np.diagonal(inverse_roots, axis1=1, axis2=2)).sum())
+    r = dense[:, :, -1]
     return NormalEquations(
         matrix - flat.T @ flat,
         right - flat.T @ pose_right.ravel(),
@@ -67,30 +70,31 @@ def eliminate(
     )
 
 
-def _global_blocks(basis: Floats, shared: Floats, r: Floats, damping: float) -> tuple[Floats, Floats]:
-    m, p = basis.shape[1], shared.shape[2]
-    matrix = np.empty((2 * m + p, 2 * m + p))
-    gram = basis.T @ basis
-    matrix[:m, :m] = matrix[m : 2 * m, m : 2 * m] = gram
-    matrix[:m, m : 2 * m] = matrix[m : 2 * m, :m] = 0.0
+def _global_blocks(basis: Floats, dense: Floats, damping: float) -> tuple[Floats, Floats]:
+    """The globals' matrix and right-hand side; ``dense`` (N, 2, P + 1) are the shared derivatives and the residual."""
+    m, p = basis.shape[1], dense.shape[2] - 1
+    matrix, right = np.zeros((2 * m + p, 2 * m + p)), np.empty(2 * m + p)
+    matrix[:m, :m] = matrix[m : 2 * m, m : 2 * m] = basis.T @ basis
     for axis in (0, 1):
         rows = slice(axis * m, (axis + 1) * m)
-        matrix[rows, 2 * m :] = basis.T @ shared[:, axis]
-        matrix[2 * m :, rows] = matrix[rows, 2 * m :].T
-    flat = shared.reshape(-1, p)
-    block = flat.T @ flat
-    matrix[2 * m :, 2 * m :] = block + damping * np.diag(np.diag(block))
-    return matrix, np.concatenate([(basis.T @ r).T.ravel(), flat.T @ r.ravel()])
+        products = basis.T @ dense[:, axis]
+        matrix[rows, 2 * m :], matrix[2 * m :, rows], right[rows] = products[:, :p], products[:, :p].T, products[:, p]
+    flat = dense.reshape(-1, p + 1)
+    products = flat[:, :p].T @ flat
+    matrix[2 * m :, 2 * m :], right[2 * m :] = products[:, :p], products[:, p]
+    matrix[2 * m :, 2 * m :] += damping * np.diag(np.diag(products))
+    return matrix, right
 
 
-def _cross_blocks(basis: Floats, shared: Floats, pose: Floats, seen: Observations) -> Floats:
-    """(K, 6, D)."""
-    m, p = basis.shape[1], shared.shape[2]
-    cross = np.empty((seen.boards, 6, 2 * m + p))
+def _board_products(basis: Floats, dense: Floats, seen: Observations) -> Floats:
+    """The poses' derivatives times all others, the residual and themselves: (K, 6, D + 1 + 6)."""
+    m, others = basis.shape[1], dense.shape[2] - POSE
+    products = np.empty((seen.boards, POSE, 2 * m + others + POSE))
     for k, rows in enumerate(seen.slices()):
-        jacobian = pose[rows].reshape(-1, 6)
+        flat = dense[rows].reshape(-1, dense.shape[2])
+        own = flat[:, :POSE].T @ flat
+        products[k, :, 2 * m : 2 * m + others], products[k, :, 2 * m + others :] = own[:, POSE:], own[:, :POSE]
         if m:
-            cross[k, :, :m] = pose[rows, 0].T @ basis[rows]
-            cross[k, :, m : 2 * m] = pose[rows, 1].T @ basis[rows]
-        cross[k, :, 2 * m :] = jacobian.T @ shared[rows].reshape(-1, p)
-    return cross
+            products[k, :, :m] = dense[rows, 0, :POSE].T @ basis[rows]
+            products[k, :, m : 2 * m] = dense[rows, 1, :POSE].T @ basis[rows]
+    return products

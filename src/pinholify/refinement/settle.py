@@ -20,7 +20,7 @@ from pinholify.refinement.spectral import LogDensity
 
 ROUNDS = 6
 SETTLED = 0.02  # change of any log hyperparameter
-SAFETY = 0.75  # length scales down to this part of the present one are carried
+SAFETY = 0.9  # length scales down to this part of the present one are carried
 FINEST = 0.11  # half diagonals: what 500 functions carry
 
 
@@ -65,16 +65,13 @@ def best_shape(setting: Setting, candidate: Candidate) -> BoardShape:
     return max(evidences, key=lambda pair: pair[0])[1]
 
 
-def settle(setting: Setting, candidate: Candidate, seen: Observations, known: Solution | None = None) -> Settled:
+def settle(setting: Setting, candidate: Candidate, seen: Observations, known: State | None = None) -> Settled:
     """``candidate``'s trend with ``setting``'s shape, solved with its process from its origin, or from
-    ``known``.
+    ``known``, where the same was solved for other corners.
 
     Raises SolveError where the solve breaks down.
     """
-    plain = solve_trend(setting, candidate.trend, known or candidate.origin, seen)
-    if plain is None:
-        raise SolveError(f"the joint solve with trend {candidate.trend.name} broke down")
-    hyperparameters, state = candidate.hyperparameters, plain.state
+    hyperparameters, state = candidate.hyperparameters, known or _without_process(setting, candidate, seen)
     resolved = _resolved(hyperparameters)
     for _ in range(ROUNDS):
         basis = _basis(setting, hyperparameters, resolved)
@@ -101,11 +98,18 @@ def settle(setting: Setting, candidate: Candidate, seen: Observations, known: So
     return replace(settled, hyperparameters=hyperparameters, log_evidence=fit.log_evidence, precision=precision)
 
 
+def _without_process(setting: Setting, candidate: Candidate, seen: Observations) -> State:
+    plain = solve_trend(setting, candidate.trend, candidate.origin, seen)
+    if plain is None:
+        raise SolveError(f"the joint solve with trend {candidate.trend.name} broke down")
+    return plain.state
+
+
 def _solve(
     model: Model, density: LogDensity, state: State, seen: Observations, hyperparameters: Hyperparameters
 ) -> Settled:
     precision = hyperparameters.precision(density, model.basis.frequencies, model.trend_precision())
-    solution = minimise(model, state, seen, precision, Loss(hyperparameters.noise), most_steps=20)
+    solution = minimise(model, state, seen, precision, Loss(hyperparameters.noise), most_steps=20, tolerance=1e-3)
     if solution is None:
         raise SolveError(f"the joint solve with trend {model.trend.name} broke down")
     linear = model.linearise(solution.state, seen, solution.prediction)

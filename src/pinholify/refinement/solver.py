@@ -89,8 +89,10 @@ class _Problem:
         objective = 0.5 * float(misfit + self.precision @ state.globals**2)
         return Solution(self.model, state, prediction, objective, noise)
 
-    def step(self, here: Solution, linear: Linearisation, damping: float) -> Solution | None:
-        """The damped Gauss-Newton step; None where it leads out of the model."""
+    def step(self, here: Solution, linear: Linearisation, damping: float) -> tuple[Solution, float] | None:
+        """The damped Gauss-Newton step and the gain that the linearised problem promises for it; None where it leads
+        out of the model.
+        """
         length = lengths(here.prediction.residual, self.seen.weight) / here.noise
         weight = self.seen.weight**2 * huber_weights(length, self.loss.huber)
         try:
@@ -101,7 +103,9 @@ class _Problem:
             return None
         right = equations.right - precision * here.state.globals
         step = np.zeros_like(right) if self.poses_only else cho_solve(factor, right, check_finite=False)
-        return self.at(here.state.moved(step, equations.pose_steps(step)), here.noise)
+        there = self.at(here.state.moved(step, equations.pose_steps(step)), here.noise)
+        promised = 0.5 * float(right @ step + (equations.pose_right**2).sum()) / here.noise**2
+        return None if there is None else (there, promised)
 
 
 def minimise(
@@ -126,17 +130,20 @@ def minimise(
         return None
     linear = model.linearise(here.state, seen, here.prediction)
     damping = FIRST_DAMPING
+    easily = True
     for _ in range(most_steps):
-        there = problem.step(here, linear, damping)
-        if there is None or not there.objective <= here.objective:
-            damping *= 10.0
+        there, promised = problem.step(here, linear, damping) or (here, np.inf)
+        gain = here.objective - there.objective
+        if there is here or not gain >= 0.0:
+            damping, easily = 10.0 * damping, False
             if damping > MOST_DAMPING:
                 break
             continue
-        gain = here.objective - there.objective
         here = problem.measured(there.state, there.prediction)
-        if gain < tolerance and damping <= TRUSTED_DAMPING:
+        # A step that brings what it promised was one of a quadratic, and leads to its end.
+        if min(gain, abs(gain - promised)) < tolerance and damping <= TRUSTED_DAMPING:
             break
-        damping = max(damping / 10.0, LEAST_DAMPING)
+        damping = max(damping / (10.0 if easily else 1.0), LEAST_DAMPING)  # not at once to where it just failed
+        easily = True
         linear = model.linearise(here.state, seen, here.prediction)
     return here

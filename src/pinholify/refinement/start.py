@@ -27,6 +27,7 @@ CORNER_ANGLES = np.deg2rad([6, 10, 15, 20, 26, 32, 38, 45, 52, 60, 70, 80, 90, 1
 SHAPES = (1.0, 0.5, 0.0, -0.7)  # the sign is that of a²
 SCAN_BOARDS = 16
 FEWEST_CORNERS = 6
+STEPS = 10  # a trend that is not found by then is not the lens's, and is found no better with more
 MISFIT_RATIO = 5.0  # boards that fit this much worse than the middle one wait until the camera is known
 LENSES = 2  # that the scan hands on
 ROBUST = Loss(None, 3.0)
@@ -151,7 +152,7 @@ def first_solution(setting: Setting, seen: Observations) -> Solution:
         raise CalibrationError("no camera explains the corners of most boards: look for a wrong board size")
     best = min(found, key=lambda solution: solution.noise)
     everybody = reposed(model, best.state, seen)
-    return minimise(model, everybody, seen, model.trend_precision(), ROBUST) or best
+    return minimise(model, everybody, seen, model.trend_precision(), ROBUST, most_steps=STEPS) or best
 
 
 def _solve_from(model: Model, lens: SimpleLens, seen: Observations) -> Solution | None:
@@ -163,7 +164,7 @@ def _solve_from(model: Model, lens: SimpleLens, seen: Observations) -> Solution 
         return None
     eta = np.zeros(len(model.shape.prior_std))
     state = State(np.zeros((0, 2)), beta, eta, rotations[good], translations[good])
-    return minimise(model, state, some, model.trend_precision(), ROBUST)
+    return minimise(model, state, some, model.trend_precision(), ROBUST, most_steps=STEPS)
 
 
 def reposed(model: Model, camera: State, seen: Observations) -> State:
