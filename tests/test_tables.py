@@ -51,7 +51,7 @@ def test_a_quadratic_is_exact_in_the_coarsest_table():
         return np.stack([1 + 2 * u - v + u * v - 3 * u**2 + v**2 * u**2, u - 5 * v + v**2 - u**2 * v], axis=1)
 
     table = point_table(quadratic, SIZE, tolerance=1e-9)
-    assert table.cells.shape == (10, 16, 18)
+    assert table.cells.shape == (20, 32, 9)
     np.testing.assert_allclose(table(pixels()), quadratic(pixels()), atol=1e-12)
 
 

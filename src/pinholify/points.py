@@ -3,12 +3,16 @@
 ``camera`` stands where OpenCV has ``cameraMatrix, distCoeffs``. Points may be (N, 2), (N, 1, 2) or (1, N, 2), and of
 any number type; answers keep the shape and are float64. Pixels have (0, 0) at the centre of the top-left pixel. The
 camera's frame is the reference board's; ``R`` (3, 3), a rotation from it such as ``View.rotation``, chooses another
-everywhere. What does not exist (a pixel that sees no point, a point behind a plane) is nan. The answers are exact, of
-the same map that straightens images; where there are millions of points, :func:`undistortion_table` is faster.
+everywhere. What does not exist (a pixel that sees no point, a point behind a plane) is nan. The answers are those of
+the same map that straightens images: exact, but where there are many points (``MANY`` or more) they may come from a
+table that is right to ``tolerance`` px of the image, tens of millions a second; 0 asks for exact ones however many. A
+table is made when it is first needed and kept for the next call.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,56 +23,106 @@ from pinholify.arrays import Floats
 from pinholify.calibration.observation import sighting_of
 from pinholify.calibration.poses import refine_pose
 from pinholify.camera import VirtualCamera
+from pinholify.charts import angles_to_directions, directions_to_angles
 from pinholify.errors import InputError
 from pinholify.geometry import Pose, homogeneous
 from pinholify.tables import PointTable, point_table
 
 FEWEST_POINTS = 4
+MANY = 20_000
+TOLERANCE = 5e-4  # px
+TABLES = 8  # kept of each kind
+SAMPLES = 24  # along each side of the image, to see which directions it holds
 WIDEST = np.cos(np.deg2rad(80.0))  # from the mean ray; beyond, a plane across it is no place for a first guess
 
 
 def undistort_points(
-    src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None
+    src: ArrayLike,
+    camera: VirtualCamera,
+    R: ArrayLike | None = None,
+    P: ArrayLike | None = None,
+    *,
+    tolerance: float = TOLERANCE,
 ) -> Floats:
     """Ideal pinhole points of the image's pixels ``src`` (…, 2), as ``cv2.undistortPoints``.
 
     They are normalised, (x/z, y/z), or px of the view whose matrix ``P``, (3, 3) or (3, 4), is given. nan at 90° from
     the axis of R and beyond.
     """
-    rays = pixel_rays(src, camera, R)
-    with np.errstate(invalid="ignore"):
-        z = np.where(rays[..., 2:] > 0, rays[..., 2:], np.nan)
-    plane = np.concatenate([rays[..., :2] / z, np.ones_like(z)], axis=-1) @ _matrix(P).T
-    return np.asarray(plane[..., :2] / plane[..., 2:])
+    given, uv = _rows(src, 2)
+    if len(uv) >= MANY and tolerance > 0.0:
+        return _shaped(undistortion_table(camera, R, P, tolerance=tolerance)(uv), given, 2)
+    return _shaped(_on_plane(pixel_rays(uv, camera, R, tolerance=tolerance), _matrix(P)), given, 2)
+
+
+def undistort_points_jacobian(
+    src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None
+) -> Floats:
+    """∂ :func:`undistort_points`/∂ ``src``, exact: (…, 2, 2)."""
+    given, uv = _rows(src, 2)
+    rays = pixel_rays(uv, camera, R, tolerance=0.0)
+    slopes = pixel_rays_jacobian(uv, camera, R)
+    return np.asarray(_plane_jacobian(rays, _matrix(P)) @ slopes).reshape(*given, 2, 2)
 
 
 def undistortion_table(
     camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None, *, tolerance: float = 1e-3
 ) -> PointTable:
     """:func:`undistort_points` for many points: call the table with ``src``; right to ``tolerance`` px of the image."""
-    return point_table(lambda uv: undistort_points(uv, camera, R, P), camera.image_size, tolerance=tolerance)
+    return _undistortion_table(camera, _rotation(R).tobytes(), _matrix(P).tobytes(), tolerance)
 
 
 def distort_points(
-    undistorted: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None
+    undistorted: ArrayLike,
+    camera: VirtualCamera,
+    R: ArrayLike | None = None,
+    P: ArrayLike | None = None,
+    *,
+    tolerance: float = TOLERANCE,
 ) -> Floats:
     """Pixels of the image that show ideal pinhole points: the inverse of :func:`undistort_points`.
 
     ``undistorted`` (…, 2) are normalised, or px where ``P`` is given, as there.
     """
     given, plane = _rows(undistorted, 2)
-    directions = homogeneous(plane) @ np.linalg.inv(_matrix(P)).T
-    return _shaped(_project(camera, directions @ _rotation(R)), given, 2)
+    directions = homogeneous(plane) @ np.linalg.inv(_matrix(P)).T @ _rotation(R)
+    return _shaped(_project(camera, directions, tolerance), given, 2)
 
 
-def pixel_rays(src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None) -> Floats:
+def distort_points_jacobian(
+    undistorted: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None
+) -> Floats:
+    """∂ :func:`distort_points`/∂ ``undistorted``, exact: (…, 2, 2)."""
+    given, plane = _rows(undistorted, 2)
+    by_plane = _rotation(R).T @ np.linalg.inv(_matrix(P))
+    directions = homogeneous(plane) @ by_plane.T
+    by_direction = _projection_jacobian(camera, _project(camera, directions, 0.0), directions)
+    return np.asarray(by_direction @ by_plane[:, :2]).reshape(*given, 2, 2)
+
+
+def pixel_rays(
+    src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None, *, tolerance: float = TOLERANCE
+) -> Floats:
     """Unit directions (…, 3) in which the pixels ``src`` (…, 2) look."""
     given, uv = _rows(src, 2)
     directions = np.full((len(uv), 3), np.nan)
     known = np.isfinite(uv).all(axis=1)
     if known.any():
-        directions[known] = camera.chart.directions(camera.plane_map.value(uv[known]))
+        tabulated = len(uv) >= MANY and tolerance > 0.0
+        value = _coordinate_table(camera, tolerance) if tabulated else camera.plane_map.value
+        directions[known] = camera.chart.directions(value(uv[known]))
     return _shaped(directions @ _rotation(R).T, given, 3)
+
+
+def pixel_rays_jacobian(src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None) -> Floats:
+    """∂ :func:`pixel_rays`/∂ ``src``, exact: (…, 3, 2) per px."""
+    given, uv = _rows(src, 2)
+    jacobian = np.full((len(uv), 3, 2), np.nan)
+    known = np.isfinite(uv).all(axis=1)
+    if known.any():
+        q = camera.plane_map.value(uv[known])
+        jacobian[known] = camera.chart.direction_jacobian(q) @ camera.plane_map.jacobian(uv[known])
+    return np.asarray(_rotation(R) @ jacobian).reshape(*given, 3, 2)
 
 
 def project_points(
@@ -81,13 +135,23 @@ def project_points(
     """
     given, points = _rows(objectPoints, 3)
     vector, turn = np.ravel(np.asarray(rvec, dtype=np.float64)), _rotation(R)
-    turned = points @ (turn.T @ Rotation.from_rotvec(vector).as_matrix()).T
-    xyz = turned + turn.T @ np.ravel(np.asarray(tvec, dtype=np.float64))
-    uv = _project(camera, xyz)
+    turned, xyz = _posed(points, vector, tvec, turn)
+    uv = _project(camera, xyz, 0.0)
     by_point = _projection_jacobian(camera, uv, xyz)
     by_turn = np.cross(turned[:, None, :], by_point) @ turn.T @ _left_jacobian(vector)
     jacobian = np.concatenate([by_turn, by_point @ turn.T], axis=2)
     return _shaped(uv, given, 2), jacobian.reshape(-1, 6)
+
+
+def project_points_jacobian(
+    objectPoints: ArrayLike, rvec: ArrayLike, tvec: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None
+) -> Floats:
+    """∂ :func:`project_points`/∂ ``objectPoints``, exact: (…, 2, 3) px per unit of the points."""
+    given, points = _rows(objectPoints, 3)
+    vector, turn = np.ravel(np.asarray(rvec, dtype=np.float64)), _rotation(R)
+    xyz = _posed(points, vector, tvec, turn)[1]
+    by_point = _projection_jacobian(camera, _project(camera, xyz, 0.0), xyz)
+    return np.asarray(by_point @ turn.T @ Rotation.from_rotvec(vector).as_matrix()).reshape(*given, 2, 3)
 
 
 def solve_pnp(
@@ -158,7 +222,29 @@ def _matrix(P: ArrayLike | None) -> Floats:
     return np.eye(3) if P is None else np.asarray(P, dtype=np.float64)[:, :3]
 
 
-def _project(camera: VirtualCamera, xyz: Floats) -> Floats:
+def _on_plane(rays: Floats, matrix: Floats) -> Floats:
+    """Points (n, 2) of the plane of ``matrix`` (3, 3) that unit ``rays`` (n, 3) meet; nan for those that do not."""
+    with np.errstate(invalid="ignore"):
+        z = np.where(rays[:, 2:] > 0, rays[:, 2:], np.nan)
+    plane = np.concatenate([rays[:, :2] / z, np.ones_like(z)], axis=1) @ matrix.T
+    return np.asarray(plane[:, :2] / plane[:, 2:])
+
+
+def _plane_jacobian(rays: Floats, matrix: Floats) -> Floats:
+    """Derivative (n, 2, 3) of :func:`_on_plane`."""
+    numerator = _on_plane(rays, matrix)[:, :, None] * matrix[2]
+    return np.asarray((matrix[:2] - numerator) / (rays @ matrix[2])[:, None, None])
+
+
+def _posed(points: Floats, vector: Floats, tvec: ArrayLike, turn: Floats) -> tuple[Floats, Floats]:
+    """``points`` (n, 3) turned into the camera's frame, and shifted too."""
+    turned = points @ (turn.T @ Rotation.from_rotvec(vector).as_matrix()).T
+    return turned, turned + turn.T @ np.ravel(np.asarray(tvec, dtype=np.float64))
+
+
+def _project(camera: VirtualCamera, xyz: Floats, tolerance: float) -> Floats:
+    if len(xyz) >= MANY and tolerance > 0.0:
+        return _pixels_of(camera, xyz, tolerance)
     return camera.project(xyz) if len(xyz) else np.empty((0, 2))
 
 
@@ -183,3 +269,63 @@ def _left_jacobian(vector: Floats) -> Floats:
         return np.asarray(np.eye(3) + cross / 2.0 + cross @ cross / 6.0)
     first = (1.0 - np.cos(theta)) / theta**2
     return np.asarray(np.eye(3) + first * cross + (theta - np.sin(theta)) / theta**3 * cross @ cross)
+
+
+# --- tables ------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=TABLES)
+def _undistortion_table(camera: VirtualCamera, rotation: bytes, matrix: bytes, tolerance: float) -> PointTable:
+    R, P = (np.frombuffer(m).reshape(3, 3) for m in (rotation, matrix))
+    # What cannot be tabulated, towards 90° from the axis, at least has rays that can.
+    return point_table(
+        lambda uv: _on_plane(pixel_rays(uv, camera, R, tolerance=tolerance / 2.0), P),
+        camera.image_size,
+        tolerance=tolerance,
+    )
+
+
+@lru_cache(maxsize=TABLES)
+def _coordinate_table(camera: VirtualCamera, tolerance: float) -> PointTable:
+    """Chart coordinates of pixels."""
+    return point_table(camera.plane_map.value, camera.image_size, tolerance=tolerance)
+
+
+def _pixels_of(camera: VirtualCamera, xyz: Floats, tolerance: float) -> Floats:
+    """Pixels (n, 2) of directions ``xyz`` (n, 3), by table."""
+    frame = _angle_frame(camera)
+    return _pixel_table(camera, tolerance)((directions_to_angles(xyz @ frame.rotation.T) - frame.low) / frame.px)
+
+
+@lru_cache(maxsize=TABLES)
+def _pixel_table(camera: VirtualCamera, tolerance: float) -> PointTable:
+    """Pixels of angles, these counted as in :class:`_AngleFrame`."""
+    frame = _angle_frame(camera)
+
+    def pixels(place: Floats) -> Floats:
+        return camera.project(angles_to_directions(place * frame.px + frame.low) @ frame.rotation)
+
+    return point_table(pixels, camera.image_size, tolerance=tolerance, of_answer=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _AngleFrame:
+    """Azimuthal equidistant angles about the middle of what a camera sees, nearly linear in its pixels.
+
+    ``rotation`` (3, 3) takes its directions to that frame; ``low`` (2,) is the least angle in the image and ``px`` (2,)
+    about what a px makes.
+    """
+
+    rotation: Floats
+    low: Floats
+    px: Floats
+
+
+@lru_cache(maxsize=TABLES)
+def _angle_frame(camera: VirtualCamera) -> _AngleFrame:
+    u, v = (np.linspace(-0.5, n - 0.5, SAMPLES) for n in camera.image_size)
+    directions = camera.chart.directions(camera.plane_map.value(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)))
+    rotation = Rotation.align_vectors([[0.0, 0.0, 1.0]], [directions.mean(axis=0)])[0].as_matrix()
+    angles = directions_to_angles(directions @ rotation.T)
+    low, high = angles.min(axis=0), angles.max(axis=0)
+    return _AngleFrame(rotation, low, (high - low) / camera.image_size)

@@ -1,8 +1,9 @@
 """A smooth map of the image kept as a table of cells: tens of millions of points a second.
 
-Each cell holds the biquadratic polynomial through nine exact values (Abramowitz & Stegun, 25.2.11, along both axes);
-neighbours share the values on their edge, so the whole is continuous. What a table cannot hold to its tolerance, and
-what lies outside the image, is asked of the map itself.
+Each cell holds the biquadratic polynomial through nine values (Abramowitz & Stegun, 25.2.11, along both axes);
+neighbours share the values on their edge, so the whole is continuous. The values come from a Chebyshev expansion, so
+the map itself is asked for few of them. What a table cannot hold to its tolerance, and what lies outside the image, is
+asked of the map itself.
 """
 
 from __future__ import annotations
@@ -11,17 +12,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pinholify.arrays import Floats
+from pinholify.expansion import expand
+from pinholify.gp.trends.base import solve_2x2
 
-FIRST_CELLS, MOST_CELLS = 16, 256
+FIRST_CELLS, MOST_CELLS = 32, 256
 """Cells along the longer side, at first and at most."""
 
 ENOUGH = 0.995
 """Share of the cells within the tolerance at which a finer table is not tried."""
 
-BLOCK = 16384
+EXPANSION = 0.1
+"""Share of the tolerance that is left to the expansion."""
+
+BLOCK = 8192
 """Points looked up at a time: what this many need stays in the processor's cache."""
 
 WORST = 0.5 - 0.5 / np.sqrt(3.0)
@@ -38,51 +44,65 @@ PointMap = Callable[[Floats], Floats]
 class PointTable:
     """``exact`` over an image of ``image_size`` (width, height) px, tabulated; call it with pixels (…, 2).
 
-    ``cells`` (rows, columns, 18) are each cell's coefficients, both answers' for 1, x, x², y, xy, x²y, y², xy², x²y²;
-    nan where ``exact`` is to be asked.
+    ``cells`` (rows, columns, 9) are each cell's coefficients for 1, x, x², y, xy, x²y, y², xy², x²y², the two answers
+    being real and imaginary part; nan where ``exact`` is to be asked.
     """
 
     exact: PointMap
     image_size: tuple[int, int]
-    cells: Floats
+    cells: NDArray[np.complex128]
 
     def __call__(self, src: ArrayLike) -> Floats:
         """What ``exact`` says of the pixels ``src`` (…, 2), in their shape, within the table's tolerance."""
         given = np.asarray(src, dtype=np.float64)
         uv = given.reshape(-1, 2)
-        out = np.empty_like(uv)
+        out = np.empty(uv.shape)
         for start in range(0, len(uv), BLOCK):
-            out[start : start + BLOCK] = self._looked_up(uv[start : start + BLOCK])
+            self._look_up(uv[start : start + BLOCK], out[start : start + BLOCK])
         missing = np.isnan(out[:, 0])
         if missing.any():
             out[missing] = self.exact(uv[missing])
         return out.reshape(given.shape)
 
-    def _looked_up(self, uv: Floats) -> Floats:
+    def _look_up(self, uv: Floats, out: Floats) -> None:
+        """The table's answer to ``uv`` (n, 2), written into ``out`` (n, 2); nan outside the image."""
         rows, columns, _ = self.cells.shape
         width, height = self.image_size
         x, y = (uv[:, 0] + 0.5) * (columns / width), (uv[:, 1] + 0.5) * (rows / height)
-        inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-        x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
-        column, row = x.astype(np.int64), y.astype(np.int64)
-        x, y = x - column, y - row
-        c = self.cells.reshape(-1, 18).take(row * columns + column, axis=0).T
-        bottom, middle, top = (c[i : i + 2] + x * (c[i + 2 : i + 4] + x * c[i + 4 : i + 6]) for i in (0, 6, 12))
-        found = bottom + y * (middle + y * top)
-        found[:, ~inside] = np.nan
-        return np.asarray(found.T)
+        outside = ~((x >= 0) & (x < columns) & (y >= 0) & (y < rows))
+        x[outside] = y[outside] = 0.0
+        column, row = x.astype(np.intp), y.astype(np.intp)
+        x -= column
+        y -= row
+        c = self.cells.reshape(-1, 9).take(row * columns + column, axis=0, mode="clip")
+        # As complex numbers both answers are worked out in one go.
+        found = _quadratic([_quadratic([c[:, i + k] for k in range(3)], x) for i in (0, 3, 6)], y)
+        found[outside] = np.nan
+        out[:, 0], out[:, 1] = found.real, found.imag
 
 
-def point_table(exact: PointMap, image_size: tuple[int, int], *, tolerance: float = 1e-3) -> PointTable:
+def _quadratic(coefficients: list[NDArray[np.complex128]], x: Floats) -> NDArray[np.complex128]:
+    """c₀ + c₁x + c₂x² of three arrays (n,)."""
+    value = coefficients[2] * x
+    value += coefficients[1]
+    value *= x
+    value += coefficients[0]
+    return value
+
+
+def point_table(
+    exact: PointMap, image_size: tuple[int, int], *, tolerance: float = 1e-3, of_answer: bool = False
+) -> PointTable:
     """A table of ``exact``, right to ``tolerance`` px of the image: cells are halved until nearly all are.
 
-    An error of the answer counts as the shift of the pixel that would cause it. What is left beyond the tolerance is
-    not tabulated.
+    An error of the answer counts as the shift of the pixel that would cause it, or, if ``of_answer``, as it is. What is
+    left beyond the tolerance is not tabulated.
     """
     count = FIRST_CELLS
+    fine = EXPANSION * tolerance * (1.0 if of_answer else _px(exact, image_size))
     while True:
-        table = _table(exact, image_size, count)
-        error = _cell_errors(table)
+        table = _table(exact, image_size, count, fine)
+        error = _cell_errors(table, fine, of_answer)
         known = np.isfinite(error)
         good = known & (error <= tolerance)
         if good.sum() >= ENOUGH * known.sum() or count >= MOST_CELLS:
@@ -90,25 +110,44 @@ def point_table(exact: PointMap, image_size: tuple[int, int], *, tolerance: floa
         count *= 2
 
 
-def _table(exact: PointMap, image_size: tuple[int, int], count: int) -> PointTable:
+def _px(exact: PointMap, image_size: tuple[int, int]) -> float:
+    """The smallest change of the answer that a px of the image makes, over the image, to see when an error is small."""
+    u, v = (np.linspace(0.0, n - 1.0, 9) for n in image_size)
+    uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    ends = [exact(uv + e) - exact(uv - e) for e in np.eye(2) / 2.0]
+    with np.errstate(invalid="ignore"):
+        area = np.abs(np.linalg.det(np.stack(ends, axis=-1)))
+    return float(np.sqrt(np.nanmin(area))) if np.isfinite(area).any() else 1.0
+
+
+def _table(exact: PointMap, image_size: tuple[int, int], count: int, tolerance: float) -> PointTable:
     """A table with ``count`` cells along the longer side of the image, whatever its error."""
     columns, rows = (max(1, round(count * n / max(image_size))) for n in image_size)
-    x, y = (np.linspace(-0.5, n - 0.5, 2 * m + 1) for n, m in zip(image_size, (columns, rows), strict=True))
-    values = exact(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)).reshape(len(y), len(x), 2)
-    nodes = np.lib.stride_tricks.sliding_window_view(values, (3, 3), axis=(0, 1))[::2, ::2]
-    cells = np.einsum("qj,pi,rckji->rcqpk", MONOMIALS, MONOMIALS, nodes, optimize=True)
-    return PointTable(exact, image_size, cells.reshape(rows, columns, 18))
+    step = np.array(image_size) / (2.0 * columns, 2.0 * rows)
+    counts = (2 * columns + 1, 2 * rows + 1)
+    first, second = expand(lambda index: exact(index * step - 0.5), counts, tolerance=tolerance, dtype=np.float64)
+    nodes = np.lib.stride_tricks.sliding_window_view(first + 1j * second, (3, 3))[::2, ::2]
+    cells = MONOMIALS @ nodes @ MONOMIALS.T
+    return PointTable(exact, image_size, cells.reshape(rows, columns, 9))
 
 
-def _cell_errors(table: PointTable) -> Floats:
-    """Each cell's error (rows, columns) in px of the image, at the place where it should be largest."""
+def _cell_errors(table: PointTable, tolerance: float, of_answer: bool) -> Floats:
+    """Each cell's error (rows, columns) at the place where it should be largest, px of the image or of the answer."""
     rows, columns, _ = table.cells.shape
     side = np.array(table.image_size) / (columns, rows)
-    index = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-    uv = (index + np.array([WORST, 1.0 - WORST])) * side - 0.5
-    found = table._looked_up(uv)
-    slopes = np.stack([table._looked_up(uv + e) - found for e in np.eye(2) * 1e-3], axis=-1) / 1e-3
-    with np.errstate(invalid="ignore", divide="ignore"):
-        scale = np.sqrt(np.abs(np.linalg.det(slopes)))  # of the answer a px of the image
-        error = np.linalg.norm(found - table.exact(uv), axis=1) / scale
-    return np.asarray(error.reshape(rows, columns))
+    offset = np.array([WORST, 1.0 - WORST])
+
+    def place(index: Floats) -> Floats:
+        return np.asarray((index + offset) * side - 0.5)
+
+    truth = expand(lambda index: table.exact(place(index)), (columns, rows), tolerance=tolerance, dtype=np.float64)
+    uv = place(np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2).astype(np.float64))
+    found, right, down = (np.empty(uv.shape) for _ in range(3))
+    for out, shift in ((found, [0.0, 0.0]), (right, [1e-3, 0.0]), (down, [0.0, 1e-3])):
+        table._look_up(uv + shift, out)
+    error = found - truth.reshape(2, -1).T
+    if not of_answer:
+        slopes = np.stack([right - found, down - found], axis=-1) / 1e-3
+        with np.errstate(invalid="ignore", divide="ignore"):
+            error = solve_2x2(slopes, error)
+    return np.asarray(np.linalg.norm(error, axis=1).reshape(rows, columns))
