@@ -39,7 +39,7 @@ def in_processes(work: Work, jobs: Sequence[Job], where: str) -> Iterator[Outcom
 def _until_a_death(
     work: Work, first: Sequence[Job], waiting: Iterator[Job], workers: int
 ) -> Generator[Outcome, None, list[Job]]:
-    """Do the ``first`` jobs and, as they end, those that are ``waiting``, until a process dies: the jobs it may be due to.
+    """Do the ``first`` jobs and, as they end, those that are ``waiting``. When a process dies: the jobs it may be for.
 
     No more than the ``first`` are given out at a time, so of one there is no doubt.
     """

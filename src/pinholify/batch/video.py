@@ -1,0 +1,132 @@
+"""Straightening a video: decoded, remapped and encoded side by side, and taken up where an earlier run was stopped."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from pinholify.batch.ahead import ahead
+from pinholify.batch.straightening import straightening
+from pinholify.errors import ImageError, InputError, OutputError
+from pinholify.io.files import atomic_path
+from pinholify.io.video.assembly import assemble, left_out, try_container
+from pinholify.io.video.encoding import CONTAINERS, Encoding, choose_encoding
+from pinholify.io.video.planes import FULL_RANGE, frame_straightener
+from pinholify.io.video.segments import SegmentFolder, encode
+from pinholify.io.video.source import Frame, VideoInfo, frames, probe, pyav
+from pinholify.rectification.maps import rectification_map
+from pinholify.rectification.straightener import Straightener
+
+SEGMENT = 600
+"""Frames a part: what is lost at most when a run is stopped."""
+
+
+@dataclass(frozen=True, slots=True)
+class VideoJob:
+    """A video to straighten, looked at and found possible; ``left_out`` are kinds of streams that will be missing.
+
+    ``parts`` holds what is encoded until all is; its name stands for the source, the camera, the view and the encoding.
+    """
+
+    source: str
+    target: str
+    info: VideoInfo
+    encoding: Encoding
+    parts: Path
+    left_out: tuple[str, ...]
+
+
+def video_job(
+    straightener: Straightener, source: str, target: str, *, codec: str | None = None, quality: int | None = None
+) -> VideoJob:
+    """Plan to take the video ``source`` to ``target``. ``codec`` and ``quality`` are those of the ``choose_encoding``.
+
+    Raises ImageError for a video that is not the camera's, InputError for options that do not go together, OutputError
+    where the target cannot be written or does not hold what there is.
+    """
+    if Path(target).suffix.lower() not in CONTAINERS:
+        raise OutputError(f"'{target}' is no video that can be written; end its name in one of {', '.join(CONTAINERS)}")
+    if straightener.method != "remap":
+        raise InputError(f"videos are straightened by 'remap' only, not by '{straightener.method}'")
+    info = probe(source)
+    if info.size != straightener.camera.image_size:
+        raise ImageError(
+            f"'{source}' is {info.size[0]}x{info.size[1]} and the camera was calibrated at "
+            f"{straightener.camera.image_size[0]}x{straightener.camera.image_size[1]}: give a video of that size"
+        )
+    encoding = choose_encoding(info, straightener.view.size, codec=codec, quality=quality)
+    _try(source, target, encoding, info)
+    parts = Path(f"{target}.parts-{_identity(straightener, source, encoding)}")
+    return VideoJob(source, target, info, encoding, parts, tuple(left_out(source)))
+
+
+class _Tried(Exception):
+    """Ends a trial of a container."""
+
+
+def _try(source: str, target: str, encoding: Encoding, info: VideoInfo) -> None:
+    try:
+        with atomic_path(target) as temporary:
+            try_container(source, temporary, encoding, info)
+            raise _Tried
+    except _Tried:
+        return
+
+
+def _identity(straightener: Straightener, source: str, encoding: Encoding) -> str:
+    """What tells the parts of this very video from others."""
+    stat = os.stat(source)
+    stamp = straightening(straightener).stamp(source, stat.st_size)
+    text = f"{stamp} {stat.st_mtime_ns} {encoding} {pyav().__version__}"
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+
+def straighten_video(straightener: Straightener, job: VideoJob, *, on_frame: Callable[[], object] | None = None) -> int:
+    """Do ``job``; the number of frames. ``on_frame`` is called for every frame, for those of an earlier run at once.
+
+    Every frame of the original is there, at its own time and in its own depth, and the sound as it was. Whole parts
+    stay beside the target until it is there, so the same call goes on where one that was stopped left off. Raises
+    ImageError for a video that is damaged, OutputError where something cannot be written.
+    """
+    parts = SegmentFolder(job.parts)
+    for _ in range(parts.frames if on_frame else 0):
+        on_frame()  # type: ignore[misc]
+    straight = _straight_frames(straightener, job, parts.last)
+    try:
+        while (segment := encode(job.encoding, _counted(islice(straight, SEGMENT), on_frame))) is not None:
+            parts.add(segment)
+    finally:
+        straight.close()
+    with atomic_path(job.target) as temporary:
+        assemble(job.source, temporary, job.encoding, job.info, parts)
+    parts.remove()
+    return parts.frames
+
+
+def _straight_frames(straightener: Straightener, job: VideoJob, after: int | None) -> Generator[Frame, None, None]:
+    """The frames after the time ``after``, decoded in one thread and remapped in another."""
+    rectification = rectification_map(straightener.camera, straightener.view, max_std=straightener.max_std)
+    straighten = frame_straightener(
+        rectification, job.info.size, job.encoding.pixel_format, full_range=job.encoding.colour.range == FULL_RANGE
+    )
+    decoded = ahead(frames(job.source, after=after))
+    yield from ahead(straighten(_in_format(frame, job.encoding)) for frame in decoded)
+
+
+def _in_format(frame: Frame, encoding: Encoding) -> Frame:
+    """``frame`` in the pixel format that is encoded, itself where it is in that one."""
+    if frame.format.name.replace("yuvj", "yuv") == encoding.pixel_format:
+        return frame
+    # BT.709, as the encoding says of what was RGB; between kinds of YUV it changes nothing.
+    return frame.reformat(format=encoding.pixel_format, dst_colorspace="ITU709" if frame.format.is_rgb else None)
+
+
+def _counted(some: Iterator[Frame], on_frame: Callable[[], object] | None) -> Iterator[Frame]:
+    for frame in some:
+        if on_frame is not None:
+            on_frame()
+        yield frame

@@ -1,0 +1,1 @@
+"""Video files (extra ``video``): read frame by frame, remapped plane by plane, written in parts and put together."""

@@ -1,0 +1,133 @@
+"""How a straightened video is encoded: as its original is, as far as that can be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from pinholify.errors import InputError, OutputError
+from pinholify.io.video.planes import can_be_remapped
+from pinholify.io.video.source import Colour, VideoInfo, pyav
+
+
+@dataclass(frozen=True, slots=True)
+class Encoder:
+    """FFmpeg's encoder ``name`` and its ``options``; ``quality`` is its default constant rate factor, if it has one."""
+
+    name: str
+    quality: int | None
+    options: tuple[tuple[str, str], ...] = ()
+
+
+ENCODERS = {
+    "h264": Encoder("libx264", 18),
+    "hevc": Encoder("libx265", 20, (("x265-params", "log-level=error"),)),
+    "vp9": Encoder("libvpx-vp9", 24, (("b", "0"), ("row-mt", "1"), ("deadline", "good"), ("cpu-used", "3"))),
+    "av1": Encoder("libsvtav1", 24, (("preset", "8"),)),
+    "prores": Encoder("prores_ks", None),
+    "ffv1": Encoder("ffv1", None),
+}
+"""Codec → its encoder, at a quality that can hardly be told from the original."""
+
+USUAL = "h264"
+
+CONTAINERS = (".mp4", ".m4v", ".mov", ".mkv", ".webm")
+"""Files that can be written: those in which every frame has a time of its own."""
+
+EVEN_ONLY = ("libx264", "libx265", "libsvtav1", "prores_ks")
+"""Encoders that halve colour only of images whose sides are even."""
+
+
+@dataclass(frozen=True, slots=True)
+class Encoding:
+    """All that an encoder must be told."""
+
+    encoder: str
+    options: tuple[tuple[str, str], ...]
+    pixel_format: str
+    size: tuple[int, int]
+    time_base: Fraction
+    rate: Fraction | None
+    colour: Colour
+
+    def configure(self, context: Any) -> None:
+        """Tell PyAV's codec ``context`` everything."""
+        context.width, context.height = self.size
+        context.pix_fmt = self.pixel_format
+        context.time_base = self.time_base
+        if self.rate is not None:
+            context.framerate = self.rate
+        context.options = dict(self.options)
+        context.color_primaries, context.color_trc = self.colour.primaries, self.colour.transfer
+        context.colorspace, context.color_range = self.colour.matrix, self.colour.range
+        context.thread_type = "AUTO"
+        context.flags |= pyav().codec.context.Flags.global_header  # where all of CONTAINERS want the codec's headers
+
+    def open(self) -> Any:
+        """A new encoder, ready for its first frame."""
+        context = pyav().CodecContext.create(self.encoder, "w")
+        self.configure(context)
+        context.open()
+        return context
+
+
+def choose_encoding(
+    info: VideoInfo, size: tuple[int, int], *, codec: str | None = None, quality: int | None = None
+) -> Encoding:
+    """The encoding of images of ``size`` made from a video with ``info``.
+
+    The codec is the original's where it can be written, else H.264; the pixel format is the original's where the
+    encoder knows it, else the nearest. ``quality`` is a constant rate factor: less is better. Raises InputError for
+    what does not go together, OutputError where FFmpeg lacks the encoder.
+    """
+    family = codec or (info.codec if info.codec in ENCODERS else USUAL)
+    encoder = ENCODERS[family]
+    if quality is not None and encoder.quality is None:
+        raise InputError(f"{family} knows no --quality; leave it out, or choose another codec with --codec")
+    chosen = encoder.quality if quality is None else quality
+    rate_factor = () if chosen is None else (("crf", str(chosen)),)
+    pixel_format = _pixel_format(info.pixel_format, encoder.name, size)
+    return Encoding(
+        encoder.name,
+        encoder.options + rate_factor,
+        pixel_format,
+        size,
+        info.time_base,
+        info.rate,
+        _colour(info, pixel_format),
+    )
+
+
+def _pixel_format(original: str, encoder: str, size: tuple[int, int]) -> str:
+    av = pyav()
+    try:
+        known = [kind.name for kind in av.codec.Codec(encoder, "w").video_formats]
+    except av.codec.codec.UnknownCodecError:
+        raise OutputError(f"this FFmpeg has no encoder {encoder}; choose another codec with --codec") from None
+    # The formats yuvj… are their namesakes with full range, which is said in the colour instead.
+    able = [name for name in known if can_be_remapped(name) and not name.startswith("yuvj")]
+    if encoder in EVEN_ONLY:
+        able = [name for name in able if _holds(name, size)]
+    if not able:
+        raise OutputError(
+            f"{encoder} holds no images of {size[0]}x{size[1]}; give even sides with --size, or another --codec"
+        )
+    plain = original.replace("yuvj", "yuv")
+    if plain in able:
+        return plain
+    nearest, _ = av.codec.codec.find_best_pix_fmt_of_list(able, plain)
+    return str(nearest.name)
+
+
+def _holds(pixel_format: str, size: tuple[int, int]) -> bool:
+    """Whether the sides of an image are multiples of what a colour sample of ``pixel_format`` stands for."""
+    kind = pyav().VideoFormat(pixel_format, 64, 64)
+    return all(size[0] % (64 // c.width) == 0 and size[1] % (64 // c.height) == 0 for c in kind.components)
+
+
+def _colour(info: VideoInfo, pixel_format: str) -> Colour:
+    """The original's; what was RGB and is not any more is BT.709 in limited range."""
+    av = pyav()
+    was_rgb, is_rgb = (av.VideoFormat(name, 64, 64).is_rgb for name in (info.pixel_format, pixel_format))
+    return Colour(1, 1, 1, 1) if was_rgb and not is_rgb else info.colour

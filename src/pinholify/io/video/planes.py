@@ -1,0 +1,125 @@
+"""Frames taken to a view plane by plane: brightness and colour keep their depth, range and subsampling.
+
+No frame goes through RGB. A subsampled plane has a map of its own, made from that of the full planes; colour samples
+are taken to lie beside the left of their pixels and between their rows, as H.264 has it where nothing else is said
+(ITU-T H.264 E.2.1, chroma sample location type 0).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pinholify.io.video.source import Frame, pyav
+from pinholify.rectification.maps import RectificationMap, Sampler, sampler
+
+FULL_RANGE = 2  # in an AVFrame's color_range
+
+Plane = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneKind:
+    """How a plane holds samples: its subsampling (columns, rows), bits, and the number of black or of no colour."""
+
+    subsampling: tuple[int, int]
+    bits: int
+    black: int
+
+
+def plane_kinds(pixel_format: str, *, full_range: bool) -> list[PlaneKind]:
+    """The planes of ``pixel_format`` (FFmpeg's name), in the order in which they lie."""
+    kind = pyav().VideoFormat(pixel_format, 64, 64)
+    planes: dict[int, PlaneKind] = {}
+    for component in kind.components:
+        middle, floor = 1 << (component.bits - 1), 0 if full_range or kind.is_rgb else 1 << (component.bits - 4)
+        black = middle if component.is_chroma and not kind.is_rgb else floor
+        planes[component.plane] = PlaneKind((64 // component.width, 64 // component.height), component.bits, black)
+    return [planes[i] for i in sorted(planes)]
+
+
+def can_be_remapped(pixel_format: str) -> bool:
+    """Whether ``pixel_format`` has a plane for each of its components, of whole numbers with the lowest byte first."""
+    kind = pyav().VideoFormat(pixel_format, 64, 64)
+    components = kind.components
+    alone = len({c.plane for c in components}) == len(components) in (1, 3)
+    plain = not (kind.has_palette or kind.is_bayer or kind.is_bit_stream or kind.is_big_endian or "f" in kind.name)
+    return alone and plain and all(8 <= c.bits <= 16 for c in components)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameStraightener:
+    """Takes frames of ``pixel_format`` to images of ``size`` (width, height), plane by plane."""
+
+    size: tuple[int, int]
+    pixel_format: str
+    planes: tuple[tuple[PlaneKind, Sampler], ...]
+
+    def __call__(self, frame: Frame) -> Frame:
+        """The straightened frame, with the time and the colours of ``frame``."""
+        out = pyav().VideoFrame(*self.size, self.pixel_format)
+        for source, target, (kind, to_view) in zip(frame.planes, out.planes, self.planes, strict=True):
+            _remap(_samples(source, kind), to_view, _samples(target, kind), kind)
+        out.pts, out.time_base, out.duration = frame.pts, frame.time_base, frame.duration
+        for name in ("color_range", "colorspace", "color_primaries", "color_trc"):
+            setattr(out, name, getattr(frame, name))
+        return out
+
+
+def frame_straightener(
+    rectification: RectificationMap, image_size: tuple[int, int], pixel_format: str, *, full_range: bool
+) -> FrameStraightener:
+    """The straightener of frames of ``image_size`` (width, height) to the view of ``rectification``.
+
+    Its maps are fixed-point ones, of 1/32 px.
+    """
+    kinds = plane_kinds(pixel_format, full_range=full_range)
+    samplers = {step: _plane_sampler(rectification, image_size, step) for step in {k.subsampling for k in kinds}}
+    planes = tuple((kind, samplers[kind.subsampling]) for kind in kinds)
+    return FrameStraightener(rectification.view.size, pixel_format, planes)
+
+
+def _samples(plane: Any, kind: PlaneKind) -> Plane:
+    """The samples (height, width) of a plane, where they lie."""
+    dtype = np.dtype(np.uint8 if kind.bits == 8 else np.uint16)
+    rows = np.frombuffer(plane, dtype)[: plane.height * (plane.line_size // dtype.itemsize)]
+    return rows.reshape(plane.height, -1)[:, : plane.width]
+
+
+def _remap(source: Plane, to_view: Sampler, target: Plane, kind: PlaneKind) -> None:
+    target[:] = kind.black
+    cv2.remap(source, to_view.map1, to_view.map2, cv2.INTER_CUBIC, dst=target, borderMode=cv2.BORDER_TRANSPARENT)
+    if kind.bits not in (8, 16):  # where a cubic overshoots, OpenCV stops it at the ends of the whole type only
+        np.minimum(target, (1 << kind.bits) - 1, out=target)
+
+
+def _plane_sampler(rectification: RectificationMap, image_size: tuple[int, int], step: tuple[int, int]) -> Sampler:
+    """The sampler of a plane with one sample for ``step`` = (columns, rows) pixels."""
+    if step == (1, 1):
+        return sampler(rectification, image_size, fixed_point=True)
+    columns, rows = step
+    blocks = _blocks(rectification.uv, step)
+    beside_left = blocks[:, :, :, 0]  # (height, rows, width, 2)
+    with np.errstate(invalid="ignore"):
+        known = np.isfinite(beside_left)
+        uv = np.where(known, beside_left, 0).sum(axis=1) / known.sum(axis=1)
+    uv[..., 1] -= (rows - 1) / 2.0
+    plane_map = replace(
+        rectification,
+        uv=(uv / step).astype(np.float32),
+        valid=_blocks(rectification.valid, step).any(axis=(1, 3)) & np.isfinite(uv).all(axis=-1),
+    )
+    return sampler(plane_map, (-(-image_size[0] // columns), -(-image_size[1] // rows)), fixed_point=True)
+
+
+def _blocks(values: NDArray[Any], step: tuple[int, int]) -> NDArray[Any]:
+    """(height, width, …) as blocks (height/rows, rows, width/columns, columns, …); the last ones repeat the edge."""
+    columns, rows = step
+    pad = [(0, -values.shape[0] % rows), (0, -values.shape[1] % columns)] + [(0, 0)] * (values.ndim - 2)
+    padded = np.pad(values, pad, mode="edge")
+    height, width = padded.shape[:2]
+    return padded.reshape(height // rows, rows, width // columns, columns, *values.shape[2:])

@@ -1,0 +1,116 @@
+"""Encoded video in parts, each a file that is there when it is whole: what a run that was stopped goes on from.
+
+A part is an ``.npz`` archive of plain arrays: the packets' bytes one after the other, and of each its size, its frame's
+time, and whether it can be entered there. Containers of video would round times or shift them.
+"""
+
+from __future__ import annotations
+
+import shutil
+import zipfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinholify.arrays import Bools, Ints
+from pinholify.io.files import atomic_path, make_folder
+from pinholify.io.video.encoding import Encoding
+from pinholify.io.video.source import Frame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segment:
+    """Packets in the order of decoding: ``pts`` (n,), ``size`` (n,) bytes and ``key`` (n,), and all their ``data``.
+
+    ``end`` is when the last frame ends.
+    """
+
+    data: NDArray[np.uint8]
+    size: Ints
+    pts: Ints
+    key: Bools
+    end: int
+
+
+def encode(encoding: Encoding, frames: Iterable[Frame]) -> Segment | None:
+    """``frames`` encoded by an encoder of their own, so that they can be decoded alone; None where there are none."""
+    waiting = iter(frames)
+    first = next(waiting, None)
+    if first is None:
+        return None
+    encoder = encoding.open()
+    packets: list[Any] = []
+    end = 0
+    for frame in chain([first], waiting):
+        end = frame.pts + (frame.duration or 0)
+        packets += encoder.encode(frame)
+    packets += encoder.encode(None)
+    data = np.frombuffer(b"".join(bytes(packet) for packet in packets), dtype=np.uint8)
+    return Segment(
+        data,
+        np.array([packet.size for packet in packets], dtype=np.int64),
+        np.array([packet.pts for packet in packets], dtype=np.int64),
+        np.array([packet.is_keyframe for packet in packets], dtype=np.bool_),
+        end,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentFolder:
+    """The parts of one video in a ``folder`` of their own, numbered from 0; ``index`` has all but their data."""
+
+    folder: Path
+    index: list[Segment] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        while (segment := _read(self._path(len(self.index)))) is not None:
+            self._note(segment)
+
+    @property
+    def frames(self) -> int:
+        """How many frames there are."""
+        return sum(len(segment.pts) for segment in self.index)
+
+    @property
+    def last(self) -> int | None:
+        """The time of the last frame."""
+        return int(self.index[-1].pts.max()) if self.index else None
+
+    def add(self, segment: Segment) -> None:
+        """Write the next part."""
+        make_folder(self.folder)
+        with atomic_path(self._path(len(self.index))) as temporary, temporary.open("wb") as file:
+            np.savez(file, data=segment.data, size=segment.size, pts=segment.pts, key=segment.key, end=segment.end)
+        self._note(segment)
+
+    def __iter__(self) -> Iterator[Segment]:
+        """The parts, read one at a time."""
+        for number in range(len(self.index)):
+            segment = _read(self._path(number))
+            if segment is None:
+                raise OSError(f"{self._path(number)} has gone")
+            yield segment
+
+    def remove(self) -> None:
+        """Remove the folder and all parts."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _note(self, segment: Segment) -> None:
+        self.index.append(Segment(segment.data[:0], segment.size, segment.pts, segment.key, segment.end))
+
+    def _path(self, number: int) -> Path:
+        return self.folder / f"{number:06d}.npz"
+
+
+def _read(path: Path) -> Segment | None:
+    """The part at ``path``; None where there is none that can be used."""
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return Segment(arrays["data"], arrays["size"], arrays["pts"], arrays["key"], int(arrays["end"]))
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
