@@ -50,10 +50,11 @@ def command(
     output: Path,
     force: bool,
 ) -> None:
-    """Write an ideal pinhole view of CAMERA in the format of another program.
+    """Write an ideal pinhole view of CAMERA, or the camera itself, in the format of another program.
 
     The view has no distortion: it is true of images that 'pinholify undistort' made with the same --view, --size and
-    --max-std. What the view or the format leaves out is said on standard error.
+    --max-std. Only mrcal-splined is true of the images as they are. What the view or the format leaves out is said on
+    standard error.
     """
     from pinholify.io.camera_file import read_camera
     from pinholify.io.export import format_named
@@ -64,6 +65,7 @@ def command(
     for file in form.files(output):
         check_output(file, force=force, inputs=(camera,))
     lost = export_view(read_camera(camera).camera, format_name, output, view, size=size, max_std=max_std)
-    click.echo(f"wrote {' and '.join(str(file) for file in form.files(output))}: view '{view}' for {format_name}")
+    what = f"view '{view}'" if form.of_view else "the camera"
+    click.echo(f"wrote {' and '.join(str(file) for file in form.files(output))}: {what} for {format_name}")
     for sentence in lost:
         say(f"note: {sentence}")

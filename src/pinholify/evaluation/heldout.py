@@ -14,7 +14,7 @@ from pinholify.calibration.result import Calibration
 from pinholify.corners import Corners, CornerSet
 from pinholify.evaluation.baseline import BoardPoints, fit_opencv
 from pinholify.evaluation.measures import rms
-from pinholify.geometry import convex_hull
+from pinholify.geometry import ConvexRegion, convex_hull
 
 MINIMUM_CORNERS = 20
 
@@ -44,8 +44,11 @@ def alternating_split(corner_set: CornerSet, views: Sequence[Corners]) -> Split:
     return _split(corner_set, train, [v for i, v in enumerate(ordered) if i and i % 2 == 0])
 
 
-def unseen_split(trained: CornerSet, views: Sequence[Corners]) -> Split:
-    """All boards of ``trained`` train, all of ``views`` are scored."""
+def unseen_split(calibration: Calibration, views: Sequence[Corners]) -> Split:
+    """All boards of ``calibration`` train, all of ``views`` are scored: inside its domain where it was imported."""
+    trained = calibration.corner_set
+    if not trained.found:
+        return Split((), _scored(trained, calibration.camera.domain.hull, views))
     return _split(trained, trained.found, views)
 
 
@@ -62,12 +65,17 @@ def folds(corner_set: CornerSet, views: Sequence[Corners], count: int) -> list[S
 
 def _split(corner_set: CornerSet, train: Sequence[Corners], test: Sequence[Corners]) -> Split:
     hull = convex_hull(np.concatenate([v.uv for v in train]))
+    return Split(tuple(train), _scored(corner_set, hull, test))
+
+
+def _scored(corner_set: CornerSet, hull: ConvexRegion, test: Sequence[Corners]) -> tuple[BoardPoints, ...]:
+    """The corners of ``test`` inside ``hull``, of boards with enough of them."""
     scored = []
     for view in test:
         inside = hull.contains(view.uv)
         if inside.sum() >= MINIMUM_CORNERS:
             scored.append(BoardPoints(view.lattice(corner_set.board)[inside], view.uv[inside]))
-    return Split(tuple(train), tuple(scored))
+    return tuple(scored)
 
 
 def heldout_rms(residuals: PoseResiduals, splits: Sequence[BoardPoints]) -> float | None:

@@ -115,7 +115,7 @@ def evaluate(
     lines = pinhole_lines(calibration.camera, list(observed.values()))
     views = [v for v in corner_set.views if v.name in observed]
     if unseen(calibration, corner_set):
-        split = unseen_split(calibration.corner_set, corner_set.found)
+        split = unseen_split(calibration, corner_set.found)
         heldout, reason = heldout_rms(camera_residuals(calibration), split.test), NO_BOARD_LOCATED
     else:
         split = alternating_split(corner_set, views)

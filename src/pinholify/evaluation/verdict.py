@@ -64,7 +64,7 @@ def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
     covered = coverage(camera)
     advice = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
     level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, structure, suspicious)
-    sentence = f"{level.capitalize()}: {_held_out(evaluation)}, f is known to {100 * _focal(evaluation):.2g} %"
+    sentence = f"{level.capitalize()}: {_held_out(evaluation)}, {_known(evaluation)}"
     sentence += "".join(f"; {reason}" for reason in reasons)
     if advice is not None:
         sentence += f"; to gain most, photograph the board {place(advice, camera.image_size)}"
@@ -86,7 +86,7 @@ def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
     # A board can only look wrong beside the others: where they all misfit it is the camera that does.
     typical = [np.sqrt((residuals[n][keep] ** 2).mean()) for n, keep in inliers.items() if keep.any()]
     noise = evaluation.calibration.camera.noise_px
-    return Residuals(residuals, inliers, max([noise, float(np.median(typical))]) if typical else noise)
+    return Residuals(residuals, inliers, max(float(np.median(typical)), noise) if typical else noise)
 
 
 def noise_floor(evaluation: Evaluation, corner_set: CornerSet) -> float:
@@ -122,7 +122,7 @@ def _level(
     heldout = evaluation.heldout_px
     unknown = heldout is None and evaluation.heldout_reason != NOT_ASKED
     wrong = heldout is not None and heldout > max(POOR_PX, POOR_RATIO * floor)
-    poor = unknown or wrong or not _focal(evaluation) < POOR_FOCAL
+    poor = unknown or wrong or not (_imported(evaluation) or _focal(evaluation) < POOR_FOCAL)
     reasons = []
     if heldout is not None and heldout > FAIR_RATIO * floor:
         reasons.append(f"its corners' noise alone would leave {floor:.2f} px")
@@ -140,6 +140,16 @@ def _held_out(evaluation: Evaluation) -> str:
     if evaluation.heldout_px is None:
         return f"no held-out error is known ({evaluation.heldout_reason})"
     return f"photographs it has not seen are off by {evaluation.heldout_px:.2f} px"
+
+
+def _known(evaluation: Evaluation) -> str:
+    if _imported(evaluation):
+        return "how well f is known is not in its file"
+    return f"f is known to {100 * _focal(evaluation):.2g} %"
+
+
+def _imported(evaluation: Evaluation) -> bool:
+    return not evaluation.calibration.corner_set.found
 
 
 def _focal(evaluation: Evaluation) -> float:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from tilted import tilted_calibration
 
 from pinholify.cli import main
 from pinholify.io.camera_file import write_camera
 from pinholify.io.export import FORMATS, format_named
+from tilted import tilted_calibration
 
 
 @pytest.fixture(scope="module")
@@ -36,11 +36,13 @@ def run(capsys, camera, tmp_path, monkeypatch):
 def test_every_format(run, tmp_path, name):
     form = format_named(name)
     path = tmp_path / f"out{form.suffixes[0]}"
-    status, out, err = run("--format", name, "--size", "96x72", "-o", path.name)
+    size = ("--size", "96x72") if form.of_view else ()
+    status, out, err = run("--format", name, *size, "-o", path.name)
     assert status == 0
     assert sorted(tmp_path.iterdir()) == sorted(form.files(path))
-    assert out == f"wrote {' and '.join(p.name for p in form.files(path))}: view 'camera' for {name}\n"
-    assert "% of the view shows nothing that may be believed" in err
+    what = "view 'camera'" if form.of_view else "the camera"
+    assert out == f"wrote {' and '.join(p.name for p in form.files(path))}: {what} for {name}\n"
+    assert "% of the view shows nothing that may be believed" in err or not form.of_view
     assert form.lost in err
 
 
@@ -86,6 +88,7 @@ def test_unknown_formats_are_wrong_usage(run):
     [
         (("--format", "ros", "-o", "a.txt"), "ends in '.txt' where this format ends in .yaml or .yml"),
         (("--format", "ros", "-o", "no/a.yaml"), "its folder does not exist"),
+        (("--format", "mrcal-splined", "--size", "96x72", "-o", "a.cameramodel"), "leave the size out"),
         (("--format", "npy", "--size", "40000x10", "-o", "a.npy"), "choose a smaller size"),
         (("--format", "npy", "--max-std", "1e-9", "-o", "a.npy"), "allow more with --max-std"),
     ],

@@ -7,22 +7,30 @@ import json
 import os
 import shutil
 import subprocess
-import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from scipy.io import loadmat
-from tilted import IMAGE_SIZE, tilted_calibration
 
-from pinholify.errors import InputError, OutputError
+from mrcal_oracle import mrcal
+from pinholify.camera import Domain
+from pinholify.errors import CalibrationError, InputError, OutputError
+from pinholify.geometry import ConvexRegion
 from pinholify.io.export import FORMATS, format_named
 from pinholify.io.export.base import PinholeExport, export_view, pinhole_export
+from pinholify.io.export.mrcal_splined import splined_model
+from pinholify.io.importing.adoption import adopt
+from pinholify.io.importing.base import ForeignCamera
 from pinholify.rectification.straightener import Straightener
+from pinholify.simulation.lenses import LENSES
+from tilted import IMAGE_SIZE, tilted_calibration
 
 SIZE = (480, 300)
 TOLERANCE = 1e-3  # px
+SPLINE_TOLERANCE = 0.01  # px, of the spline that repeats the camera in mrcal's model
 MAP_TOLERANCE = 0.01  # px, of the expansion of the maps
 
 
@@ -69,15 +77,6 @@ def ffmpeg() -> str:
     if found is None:
         pytest.skip("ffmpeg is not installed")
     return found
-
-
-def mrcal_python() -> str:
-    """A Python that has mrcal (Debian's package serves the system's only), or a skip."""
-    for python in (sys.executable, "/usr/bin/python3"):
-        command = [python, "-c", "import mrcal"]
-        if Path(python).exists() and subprocess.run(command, capture_output=True).returncode == 0:
-            return python
-    pytest.skip("mrcal is not installed (Debian: python3-mrcal)")
 
 
 def opencv_projection(in_view, matrix, distortion):
@@ -161,15 +160,56 @@ def test_mrcal_text(written, export, points, in_view):
 
 def test_mrcal(written, export, points):
     """mrcal takes points of the board's frame all the way to pixels of the view."""
-    code = (
-        "import sys, json, numpy as np, mrcal\n"
-        "model = mrcal.cameramodel(sys.argv[1])\n"
-        "points = mrcal.transform_point_rt(model.extrinsics_rt_fromref(), np.array(json.load(sys.stdin)))\n"
-        "print(json.dumps(mrcal.project(points, *model.intrinsics()).tolist()))\n"
-    )
-    command = [mrcal_python(), "-c", code, str(written["mrcal.cameramodel"])]
-    answer = subprocess.run(command, input=json.dumps(points.tolist()), capture_output=True, text=True, check=True)
-    assert np.abs(np.array(json.loads(answer.stdout)) - export.view.project(points)).max() < TOLERANCE
+    projected, _ = mrcal(written["mrcal.cameramodel"], points)
+    assert np.abs(projected - export.view.project(points)).max() < TOLERANCE
+
+
+def test_mrcal_splined(written, export):
+    """mrcal's own projection and unprojection of the camera itself, over all that may be believed of the image."""
+    camera = export.camera
+    uv = np.random.default_rng(2).uniform(0, np.array(IMAGE_SIZE) - 1, (2000, 2))
+    uv = uv[camera.inside(uv)]
+    projected, rays = mrcal(written["mrcal-splined.cameramodel"], camera.to_rays(uv).directions, uv)
+    assert np.abs(projected - uv).max() < SPLINE_TOLERANCE
+    assert np.abs(camera.project(rays) - uv).max() < SPLINE_TOLERANCE
+
+
+@pytest.mark.parametrize("name", ["unity-barrel", "rational-prism-tilt", "fisheye", "windscreen"])
+def test_mrcal_splined_over_the_whole_image(name, tmp_path):
+    """Lenses of every kind, their images to the very corners, against the lens itself."""
+    lens = LENSES[name]
+    centre = np.array(lens.size) / 2.0
+    foreign = ForeignCamera("file", "simulation", name, lens.project, np.full(2, 500.0), centre, lens.size)
+    said = export_view(adopt(foreign).calibration.camera, "mrcal-splined", tmp_path / "a.cameramodel")
+    assert "where it may be believed" in said[0]
+    assert not any("may not be believed" in sentence for sentence in said)
+    uv = np.random.default_rng(3).uniform(0, np.array(lens.size) - 1, (500, 2))
+    _, rays = mrcal(tmp_path / "a.cameramodel", [[0.0, 0.0, 1.0]], uv)
+    assert np.abs(lens.project(rays) - uv).max() < SPLINE_TOLERANCE
+
+
+def test_mrcal_splined_says_what_it_is(written, export):
+    text = written["mrcal-splined.cameramodel"].read_text(encoding="ascii")
+    model = ast.literal_eval(text)
+    assert model["imagersize"] == list(IMAGE_SIZE)
+    region = np.array(model["valid_intrinsics_region"])
+    np.testing.assert_array_equal(region[0], region[-1])
+    assert export.camera.domain.hull.contains(region, margin=1.0).all()
+    assert ConvexRegion(region[:-1]).area > 0.95 * export.camera.domain.hull.area
+    assert "% of the image may not be believed" in text
+    assert "nothing is to be straightened" in text
+
+
+def test_a_size_is_refused_for_the_camera_itself(tilted_camera, tmp_path):
+    with pytest.raises(InputError, match="leave the size out"):
+        export_view(tilted_camera, "mrcal-splined", tmp_path / "a.cameramodel", size=SIZE)
+    assert not list(tmp_path.iterdir())
+
+
+def test_too_little_to_fit_a_spline_to_is_refused(export):
+    few = replace(export.camera, domain=Domain(ConvexRegion(np.array([[300.0, 200], [304, 200], [304, 204]]))))
+    with pytest.raises(CalibrationError, match="too little of the image may be believed"):
+        splined_model(replace(export, camera=few))
 
 
 def test_nerfstudio(written, export, points, in_view):

@@ -1,4 +1,4 @@
-"""Exports: an ideal pinhole view of a calibrated camera, written as other programs' own calibration files.
+"""Exports: a calibrated camera, or an ideal pinhole view of it, written as other programs' own calibration files.
 
 A format is a module of this package that holds one :class:`pinholify.io.export.base.Format` called ``FORMAT``, and one
 line in :data:`FORMATS`. Modules are loaded when their format is asked for.
@@ -21,6 +21,7 @@ FORMATS = {
     "kalibr": "Kalibr camchain YAML",
     "matlab": "MATLAB .mat: intrinsics and maps for interp2",
     "mrcal": "mrcal .cameramodel, LENSMODEL_PINHOLE",
+    "mrcal-splined": "mrcal .cameramodel of the camera itself, LENSMODEL_SPLINED_STEREOGRAPHIC",
     "nerfstudio": "nerfstudio transforms.json",
     "npy": "NumPy array of the maps alone",
     "opencv": "OpenCV FileStorage, YAML or XML, and its maps for remap",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pinholify.arrays import Floats
 from pinholify.camera import VirtualCamera
-from pinholify.errors import OutputError
+from pinholify.errors import InputError, OutputError
 from pinholify.io.export import format_named
 from pinholify.rectification.maps import RectificationMap, rectification_map
 from pinholify.rectification.straightener import Straightener
@@ -104,15 +104,17 @@ def pinhole_export(
 class Format:
     """One export format.
 
-    ``write`` makes the files from an export and the path the user gave; ``files`` tells beforehand which they are.
-    ``suffixes`` are the endings that path may have, the usual one first. ``lost`` says what of the export the format
-    cannot hold, or is empty.
+    ``write`` makes the files from an export and the path the user gave, and may return sentences about what it found;
+    ``files`` tells beforehand which files they are. ``suffixes`` are the endings that path may have, the usual one
+    first. ``lost`` says what of the export the format cannot hold, or is empty. Where ``of_view`` is false the format
+    holds the camera itself, and of the view only its frame.
     """
 
     suffixes: tuple[str, ...]
-    write: Callable[[PinholeExport, Path], None]
+    write: Callable[[PinholeExport, Path], list[str] | None]
     lost: str = ""
     files: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
+    of_view: bool = True
 
     def check_path(self, path: Path) -> None:
         """Raise OutputError where ``path`` has an ending by which nobody would know the format."""
@@ -140,9 +142,11 @@ def export_view(
     """
     form = format_named(format_name)
     form.check_path(Path(path))
+    if size is not None and not form.of_view:
+        raise InputError(f"'{format_name}' is of the camera's own images, whose size is given; leave the size out")
     export = pinhole_export(camera, view_name, size=size, max_std=max_std)
-    form.write(export, Path(path))
-    return [*export.losses(), *([form.lost] if form.lost else [])]
+    found = form.write(export, Path(path)) or []
+    return [*found, *(export.losses() if form.of_view else []), *([form.lost] if form.lost else [])]
 
 
 NO_MAPS = "the format has no room for the maps: it is true of images that 'pinholify undistort' made of this view"

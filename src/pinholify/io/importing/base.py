@@ -29,11 +29,12 @@ Projection: TypeAlias = Callable[[Floats], Floats]
 class ForeignCamera:
     """What another program says of a camera.
 
-    ``model`` is the program's own name of the lens model. ``project`` is the camera; ``focal`` (2,) and ``centre`` (2,)
-    px are its fx, fy and cx, cy; pixels are ours, (0, 0) the centre of the top-left one. ``image_size`` is (width,
-    height) px.
+    ``source`` is the file's name, ``program`` whose it is, ``model`` that program's own name of the lens model.
+    ``project`` is the camera; ``focal`` (2,) and ``centre`` (2,) px are its fx, fy and cx, cy; pixels are ours, (0, 0)
+    the centre of the top-left one. ``image_size`` is (width, height) px.
     """
 
+    source: str
     program: str
     model: str
     project: Projection

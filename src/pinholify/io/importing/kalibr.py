@@ -30,7 +30,7 @@ def _camera(foreign: Foreign, entry: Mapping[str, Any]) -> ForeignCamera:
     numbers = foreign.numbers(entry["intrinsics"], "intrinsics", own + CORE)
     distortion = foreign.numbers(entry.get("distortion_coeffs") or [], "distortion coefficients", count)
     core, size = numbers[own:], foreign.size(entry.get("resolution"))
-    return ForeignCamera("Kalibr", lens, make(core, numbers[:own], distortion), core[:2], core[2:], size)
+    return ForeignCamera(foreign.name, "Kalibr", lens, make(core, numbers[:own], distortion), core[:2], core[2:], size)
 
 
 Make = Callable[[Floats, Floats, Floats], Projection]

@@ -28,7 +28,7 @@ def cameras(foreign: Foreign) -> Mapping[str, ForeignCamera]:
         raise foreign.refused(f"it has {len(numbers)} intrinsics where {CORE} or more are needed")
     project = _projection(foreign, model.removeprefix("LENSMODEL_"), numbers[:CORE], numbers[CORE:])
     size = foreign.size(foreign.tree.get("imagersize"))
-    return {"camera": ForeignCamera("mrcal", model, project, numbers[:2], numbers[2:4], size)}
+    return {"camera": ForeignCamera(foreign.name, "mrcal", model, project, numbers[:2], numbers[2:4], size)}
 
 
 def _projection(foreign: Foreign, model: str, core: Floats, rest: Floats) -> Projection:

@@ -31,7 +31,7 @@ def cameras(foreign: Foreign) -> Mapping[str, ForeignCamera]:
     focal, centre = core_of(foreign, _first(tree, MATRIX_NAMES))
     distortion = coefficients(foreign, _first(tree, DISTORTION_NAMES))
     model, project = _model(foreign, np.concatenate([focal, centre]), distortion)
-    return {"camera": ForeignCamera("OpenCV", model, project, focal, centre, foreign.size(foreign.sides))}
+    return {"camera": ForeignCamera(foreign.name, "OpenCV", model, project, focal, centre, foreign.size(foreign.sides))}
 
 
 def core_of(foreign: Foreign, matrix: Any) -> tuple[Floats, Floats]:

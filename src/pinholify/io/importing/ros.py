@@ -27,4 +27,4 @@ def cameras(foreign: Foreign) -> Mapping[str, ForeignCamera]:
     else:
         raise foreign.refused(f"its distortion model {model} is not known here")
     name = str(tree.get("camera_name", "camera"))
-    return {name: ForeignCamera("ROS", model, project, focal, centre, foreign.size(foreign.sides))}
+    return {name: ForeignCamera(foreign.name, "ROS", model, project, focal, centre, foreign.size(foreign.sides))}
