@@ -1,0 +1,45 @@
+"""What is taken away: exports, corner tables, boards to print."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+from pinholify.board import Board
+from pinholify.corners import CornerSet
+from pinholify.io.board_print import write_board
+from pinholify.io.camera_file import read_camera
+from pinholify.io.corner_tables import write_corner_table
+from pinholify.io.export import format_named
+from pinholify.io.export.base import export_view
+from pinholify.io.files import make_folder
+from pinholify.web.work import Say
+
+
+def export(say: Say, folder: Path, camera: Path, format_name: str) -> Path:
+    """The camera in another program's format, in ``folder``: one file, or an archive where the format has several."""
+    form = format_named(format_name)
+    path = make_folder(folder) / f"{format_name}{form.suffixes[0]}"
+    export_view(read_camera(camera).camera, format_name, path)
+    files = [file for file in folder.iterdir() if file.is_file()]
+    if len(files) == 1:
+        return files[0]
+    archive = folder / f"{format_name}.zip"
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as pack:
+        for file in sorted(files):
+            pack.write(file, file.name)
+    return archive
+
+
+def corner_table(say: Say, folder: Path, corners: CornerSet) -> Path:
+    """The corners as a table."""
+    path = make_folder(folder) / "corners.vnl"
+    write_corner_table(path, corners)
+    return path
+
+
+def board_sheet(say: Say, folder: Path, board: Board, square_mm: float, page: str, ending: str) -> Path:
+    """A board to print."""
+    path = make_folder(folder) / f"board{ending}"
+    write_board(board, path, square_mm=square_mm, page=page)
+    return path

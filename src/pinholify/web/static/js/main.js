@@ -1,0 +1,125 @@
+/** The page: which session is open, what is shown of it, and what the buttons do. */
+
+import { get, listen, post } from "./api.js";
+import { byId, el } from "./dom.js";
+import * as intake from "./intake.js";
+import * as live from "./live.js";
+import { clearNotices, notice, saying } from "./notices.js";
+import { openBoard, prepareBoard, preparePrint } from "./print.js";
+import { drawResult } from "./result.js";
+import { drawStage } from "./stage.js";
+import { create, drawSessions } from "./start.js";
+import { forget, heard, show, state } from "./state.js";
+import { drawTiles } from "./tiles.js";
+
+let current = null; // the id of the open session; empty on the first screen
+let events = null;
+let creating = null;
+
+/** The id of the open session; a new one is made where none is open. */
+async function session() {
+  if (current) return current;
+  creating ??= create().finally(() => { creating = null; });
+  const id = await creating;
+  if (id && id !== current) {
+    location.hash = id;
+    open();
+  }
+  return id;
+}
+
+/** Open the session that the address names, or the first screen. */
+function open() {
+  const id = location.hash.slice(1);
+  if (id === current) return;
+  if (current) {
+    live.stop();
+    intake.stop();
+  }
+  current = id;
+  events?.close();
+  events = null;
+  forget();
+  clearNotices();
+  if (id) events = listen(id, onEvent, onLoss);
+  else drawSessions();
+  draw();
+}
+
+function onEvent(event) {
+  if (event.kind === "notice") notice(event.text);
+  else if (event.kind === "gone") location.hash = "";
+  else heard(event);
+}
+
+function onLoss(forGood) {
+  if (!forGood) return;
+  notice("The session cannot be opened; it may have been deleted, or the app was started anew: open the address that the terminal shows");
+}
+
+function draw() {
+  const id = current;
+  const empty = state.photographs.size + state.arriving.size === 0;
+  const known = state.session !== null;
+  byId("start").hidden = Boolean(id) && (!known || !empty || live.running());
+  byId("sessions").hidden = Boolean(id) || byId("session-list").children.length === 0;
+  byId("work").hidden = !(known && (!empty || live.running()));
+  byId("all-sessions").hidden = !id;
+  document.body.classList.toggle("at-work", !byId("work").hidden);
+  drawActivity();
+  if (!known) return;
+  drawPill();
+  drawTiles();
+  drawStage();
+  drawResult();
+  live.drawLive();
+}
+
+function drawActivity() {
+  const { activity } = state;
+  byId("activity").hidden = !activity;
+  if (!activity) return;
+  byId("activity-text").textContent = activity.text;
+  const progress = byId("activity-progress");
+  if (activity.share === null) progress.removeAttribute("value");
+  else progress.value = activity.share;
+}
+
+function drawPill() {
+  const { board, square_mm: square } = state.session;
+  const name = board ? board.spec.replace("x", "×") : "not known yet";
+  const text = square ? `${name}, ${square} mm` : name;
+  const pill = byId("board-pill");
+  if (pill.dataset.text === text) return;
+  pill.dataset.text = text;
+  pill.replaceChildren("Board: ", el("strong", {}, text), " ", el("button", { type: "button", class: "quiet", onclick: openBoard }, "Change"));
+}
+
+function chosen(event) {
+  intake.take([...event.target.files], session);
+  event.target.value = "";
+}
+
+async function begin() {
+  if (location.search) history.replaceState(null, "", location.pathname + location.hash);
+  state.about = await saying(get("/about"));
+  if (!state.about) return;
+  show(draw);
+  preparePrint();
+  prepareBoard();
+  intake.acceptDrops(session);
+  byId("files").addEventListener("change", chosen);
+  byId("more-files").addEventListener("change", chosen);
+  byId("use-camera").addEventListener("click", () => live.start(session));
+  byId("more-camera").addEventListener("click", () => live.start(session));
+  byId("live-stop").addEventListener("click", () => live.stop());
+  byId("live-mirror").addEventListener("change", live.mirror);
+  byId("stop").addEventListener("click", () => {
+    intake.stop();
+    saying(post(`/sessions/${state.session.id}/cancel`));
+  });
+  addEventListener("hashchange", open);
+  open();
+}
+
+begin();

@@ -1,0 +1,30 @@
+/** Sentences that appear on the page and stay until they are read away. */
+
+import { byId, el, sentence } from "./dom.js";
+
+const MOST = 4;
+
+export function notice(text, action = null) {
+  const list = byId("notices");
+  const whole = sentence(text);
+  if ([...list.children].some((child) => child.dataset.text === whole)) return;
+  const close = el("button", { type: "button", class: "quiet", "aria-label": "Close", onclick: () => item.remove() }, "×");
+  const act = action && el("button", { type: "button", onclick: () => { item.remove(); action.run(); } }, action.label);
+  const item = el("div", { class: "notice", "data-text": whole }, el("p", {}, whole), act, close);
+  list.append(item);
+  while (list.children.length > MOST) list.firstElementChild.remove();
+}
+
+export function clearNotices() {
+  byId("notices").replaceChildren();
+}
+
+/** Do something asynchronous; where it fails, say why. Gives undefined then. */
+export async function saying(promise) {
+  try {
+    return await promise;
+  } catch (error) {
+    notice(error.message);
+    return undefined;
+  }
+}

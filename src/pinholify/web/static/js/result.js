@@ -1,0 +1,170 @@
+/** The result beside the photographs: the verdict, f, the errors, what is covered, and what can be taken away. */
+
+import { change, download, post } from "./api.js";
+import { announce, byId, el, sentence } from "./dom.js";
+import { coverage } from "./coverage.js";
+import { saying } from "./notices.js";
+import { changed, onStage, outdated, photographs, stale, state } from "./state.js";
+import { largestError } from "./tiles.js";
+
+const FEWEST = 3;
+const LEVELS = { good: "Good", fair: "Fair", poor: "Poor" };
+let shown = "";
+let said = "";
+
+export function drawResult() {
+  const signature = JSON.stringify([
+    state.session, state.result, state.final, state.accepted, state.problem, Boolean(state.activity),
+    [...state.photographs.values()].map((p) => [p.id, p.included, p.suggestion, p.uv.length]), onStage()?.id,
+  ]);
+  if (signature === shown) return;
+  shown = signature;
+  const aside = byId("result");
+  const open = new Set([...aside.querySelectorAll("details[open]")].map((details) => details.id));
+  aside.replaceChildren(...[verdict(), focal(), errors(), coverage(), takeAway()].filter(Boolean));
+  for (const id of open) byId(id)?.setAttribute("open", "");
+  aside.classList.toggle("stale", stale());
+  sayVerdict();
+}
+
+function sayVerdict() {
+  const text = state.final && state.result?.sentence ? state.result.sentence : "";
+  if (text && text !== said) announce(text);
+  said = text;
+}
+
+function verdict() {
+  const other = suggestion();
+  if (other) return otherBoard(other);
+  if (state.problem && !state.activity) return card("verdict poor", chip("Not yet"), el("p", {}, sentence(state.problem)));
+  if (!state.result) return waiting();
+  const { level, sentence: text } = state.result;
+  const again = outdated()
+    ? el("button", { type: "button", class: "primary", onclick: () => saying(post(`/sessions/${state.session.id}/solve`)) },
+      "Calibrate with these photographs")
+    : null;
+  if (!level) return card("verdict", chip(state.final ? "Not scored" : "First look"), el("p", {}, unscored()), again);
+  return card(`verdict ${level}`, chip(LEVELS[level]), el("p", {}, text.replace(/^\w+: (.)/, (_, first) => first.toUpperCase())), again);
+}
+
+const unscored = () => state.final
+  ? "Too few boards lie where the camera is known; add photographs with the board in other places."
+  : "How good it is will be known in a moment.";
+
+function waiting() {
+  const found = state.session.usable.length;
+  const text = found >= FEWEST
+    ? "Calibrating …"
+    : `${found} of at least ${FEWEST} photographs show the board; ten or more make a good camera.`;
+  return card("verdict", chip("Waiting"), el("p", {}, text), el("p", { class: "help" }, state.session.advice));
+}
+
+/** The board that most photographs without corners show, where it is another than the session's. */
+function suggestion() {
+  const others = [...state.photographs.values()].map((p) => p.suggestion).filter(Boolean);
+  return others.length > state.session.usable.length ? others[0] : null;
+}
+
+function otherBoard(spec) {
+  const name = spec.replace("x", "×");
+  const now = state.session.board.spec.replace("x", "×");
+  return card(
+    "verdict poor",
+    chip("Another board"),
+    el("p", {}, `These photographs show a board of ${name} inner corners, not ${now}.`),
+    el("button", {
+      type: "button", class: "primary",
+      onclick: () => saying(change(`/sessions/${state.session.id}`, { board: spec })),
+    }, `Use ${name}`),
+  );
+}
+
+function focal() {
+  const { result } = state;
+  if (!result) return null;
+  const facts = [
+    ["sees", `${result.width_degrees.toFixed(1)}° across`],
+    ["unseen photographs are off by", result.heldout_px === null ? "–" : `${result.heldout_px.toFixed(2)} px`],
+    ["noise of a corner", `${result.noise_px.toFixed(2)} px`],
+    ["covers", `${Math.round(100 * result.covered)} % of the picture`],
+  ];
+  return card(
+    "focal",
+    el("h2", {}, "Focal length"),
+    el("p", { class: "f", id: "focal" }, result.f_px.toFixed(1), el("span", { class: "unit" }, " px"),
+      el("span", { class: "std" }, ` ± ${twoDigits(result.f_px_std)}`)),
+    el("dl", { class: "facts" }, ...facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])),
+    el("details", { id: "virtual" }, el("summary", {}, "The virtual camera"), virtualCamera(result)),
+  );
+}
+
+function virtualCamera(result) {
+  const scale = result.square_mm ?? 1;
+  const unit = result.square_mm ? "mm" : "squares";
+  const rows = Object.entries(result.virtual).map(([name, [value, std]]) => el(
+    "tr", {}, el("th", { scope: "row" }, name), el("td", {}, `${(value * scale).toFixed(3)} ± ${twoDigits(std * scale)}`),
+  ));
+  const reference = state.photographs.get(result.reference)?.name ?? "a photograph that was removed";
+  return el(
+    "div", {},
+    el("p", { class: "help" }, `In ${unit}, in the frame of the board in ${reference}. The number above is the focal length `
+      + "in the middle of the picture, in px per radian."),
+    el("table", {}, el("tbody", {}, ...rows)),
+  );
+}
+
+function errors() {
+  const scored = photographs().filter((p) => p.included && state.result?.boards[p.id]?.rms_px);
+  if (!scored.length) return null;
+  const largest = largestError();
+  const bars = scored.map((photograph) => {
+    const error = state.result.boards[photograph.id].rms_px;
+    const bar = el("button", {
+      type: "button", class: `column${error > 2 * state.result.rms_px ? " poor" : ""}`,
+      "aria-label": `${photograph.name}: ${error.toFixed(2)} px`, title: `${photograph.name}: ${error.toFixed(2)} px`,
+      "aria-pressed": String(onStage()?.id === photograph.id),
+      onclick: () => { state.selected = photograph.id; changed(); },
+    });
+    bar.style.setProperty("--share", String(error / largest));
+    return bar;
+  });
+  return card(
+    "errors",
+    el("h2", {}, "Error of each photograph"),
+    el("div", { class: "columns", role: "group", "aria-label": "Errors" }, ...bars),
+    el("p", { class: "help" }, `RMS over all: ${state.result.rms_px.toFixed(2)} px; the tallest column is ${largest.toFixed(2)} px.`),
+  );
+}
+
+function takeAway() {
+  if (!state.result) return null;
+  const base = `/sessions/${state.session.id}`;
+  const ready = state.final && !outdated();
+  const get = (path) => () => saying(download(path));
+  const formats = el(
+    "select", { id: "format", "aria-label": "Format of another program" },
+    ...state.about.formats.map(({ name, title }) => el("option", { value: name }, title)),
+  );
+  return card(
+    "take-away",
+    el("h2", {}, "Take it away"),
+    el("div", { class: "actions" },
+      el("button", { type: "button", class: "primary", id: "download-camera", disabled: !ready, onclick: get(`${base}/camera.npz`) }, "Camera"),
+      el("button", { type: "button", id: "download-corners", onclick: get(`${base}/corners.vnl`) }, "Corners")),
+    el("div", { class: "actions" }, formats,
+      el("button", {
+        type: "button", id: "download-export", disabled: !ready,
+        onclick: () => saying(download(`${base}/export/${formats.value}`)),
+      }, "Export")),
+    el("p", { class: "help" }, "Exports describe straightened pictures: make them with ",
+      el("code", {}, "pinholify undistort camera.npz"), "."),
+  );
+}
+
+const card = (name, ...children) => el("section", { class: `card ${name}` }, ...children);
+const chip = (text) => el("p", { class: "chip" }, text);
+
+function twoDigits(value) {
+  if (value === null) return "?";
+  return value.toFixed(Math.max(0, Math.min(6, 1 - Math.floor(Math.log10(Math.max(value, 1e-6))))));
+}
