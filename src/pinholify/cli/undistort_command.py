@@ -8,37 +8,32 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinholify.cli import options
 from pinholify.cli.options import examples, force_option, json_option, print_json, progress, say
+from pinholify.cli.view_options import ViewChoice, view_options
 from pinholify.errors import ImageError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.batch.jobs import Report
 
 
-@click.command("undistort", epilog=examples("pinholify undistort camera.npz photos/*.jpg -o straight/ --max-std 1"))
+EXAMPLES = examples(
+    "pinholify undistort camera.npz photos/*.jpg -o straight/ --max-std 1",
+    "pinholify undistort camera.npz photos/ -o straight/ --keep valid",
+    "pinholify undistort camera.npz photos/ -o around/ --view equirectangular --fov 360 --size 4096x2048",
+)
+
+
+@click.command("undistort", epilog=EXAMPLES)
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("images", nargs=-1, required=True)
 @click.option("-o", "folder", required=True, help="Folder to write into, a path or a URL.")
-@click.option(
-    "--view",
-    type=click.Choice(["camera", "board"]),
-    default="camera",
-    show_default=True,
-    help="Look along the optical axis, or straight at the reference board.",
-)
-@click.option("--size", type=options.size, metavar="WxH", help="Size of the result in px; the image's by default.")
+@view_options
 @click.option(
     "--method",
     type=click.Choice(["remap", "splat"]),
     default="remap",
     show_default=True,
     help="Interpolate backwards, or the paper's forward splat with a median filter.",
-)
-@click.option(
-    "--max-std",
-    type=click.FloatRange(min=0, min_open=True),
-    help="Show what is known to this many px, instead of the camera's domain.",
 )
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes to use.")
 @click.option("--scheduler", metavar="ADDRESS", help="Use the workers of a dask cluster, e.g. tcp://127.0.0.1:8786.")
@@ -49,10 +44,8 @@ def command(
     camera: Path,
     images: tuple[str, ...],
     folder: str,
-    view: str,
-    size: tuple[int, int] | None,
+    choice: ViewChoice,
     method: str,
-    max_std: float | None,
     workers: int,
     scheduler: str | None,
     resume: bool,
@@ -65,14 +58,12 @@ def command(
     are done; the exit status is then 1.
     """
     from pinholify.batch.run import straighten_images
-    from pinholify.io.camera_file import read_camera
     from pinholify.io.places import image_places
-    from pinholify.rectification.straightener import Straightener
 
     if scheduler is not None and workers > 1:
         raise click.UsageError("give either --workers or --scheduler: a cluster knows its own workers")
     sources = image_places(images)
-    straighten = Straightener(read_camera(camera).camera, view, size=size, method=method, max_std=max_std)
+    straighten = choice.straightener(camera, method=method)
     with progress("Straightening", len(sources)) as advance:
         report = straighten_images(
             straighten, sources, folder, workers=workers, scheduler=scheduler, resume=resume, force=force,

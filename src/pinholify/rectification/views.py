@@ -22,14 +22,19 @@ Angles = tuple[float, float, float]
 """Yaw to the right, pitch upwards, roll clockwise: degrees, applied in this order."""
 
 CUBE: dict[str, Angles] = {
-    "front": (0.0, 0.0, 0.0),
-    "right": (90.0, 0.0, 0.0),
-    "back": (180.0, 0.0, 0.0),
-    "left": (-90.0, 0.0, 0.0),
-    "up": (0.0, 90.0, 0.0),
-    "down": (0.0, -90.0, 0.0),
+    "cube-front": (0.0, 0.0, 0.0),
+    "cube-right": (90.0, 0.0, 0.0),
+    "cube-back": (180.0, 0.0, 0.0),
+    "cube-left": (-90.0, 0.0, 0.0),
+    "cube-up": (0.0, 90.0, 0.0),
+    "cube-down": (0.0, -90.0, 0.0),
 }
-SURFACES: dict[str, Surface] = {"camera": Plane(), "board": Plane(), "cylinder": Cylinder(), "sphere": Sphere()}
+SURFACES: dict[str, Surface] = {
+    "camera": Plane(),
+    "board": Plane(),
+    "cylindrical": Cylinder(),
+    "equirectangular": Sphere(),
+}
 VIEWS = (*SURFACES, *CUBE)
 KEPT = ("all", "valid")
 STRAIGHT_ON: Angles = (0.0, 0.0, 0.0)
@@ -77,8 +82,8 @@ def named_view(
     """The view a user calls ``name``; ``max_std`` as for :func:`believable`.
 
     ``camera`` looks along the optical axis and ``board`` straight at the reference board, both as pinhole cameras;
-    ``cylinder`` and ``sphere`` (equirectangular) look along the axis and all around; ``front``, ``right``, ``back``,
-    ``left``, ``up`` and ``down`` are the faces of a cube, 90° wide and square.
+    ``cylindrical`` and ``equirectangular`` look along the axis and all around; ``cube-front``, ``-right``, ``-back``,
+    ``-left``, ``-up`` and ``-down`` are the faces of a cube, 90° wide and square.
 
     ``turn`` turns it from there. ``fov`` is its horizontal field of view in degrees, around the middle of the picture;
     without it the view is fitted to what may be believed: ``keep`` ``all`` of that, or only ``valid`` pixels, the
@@ -149,7 +154,7 @@ def view_of_width(rotation: Floats, size: tuple[int, int], fov: float, surface: 
     if not 0.0 < fov <= surface.widest_fov:
         raise InputError(
             f"a field of view of {fov:g} degrees was asked for where this view has more than 0 and at most "
-            f"{surface.widest_fov:g}; for more, take the view 'cylinder' or 'sphere'"
+            f"{surface.widest_fov:g}; for more, take the view 'cylindrical' or 'equirectangular'"
         )
     focal = size[0] / surface.width(float(np.deg2rad(fov)))
     matrix = np.array([[focal, 0, (size[0] - 1) / 2.0], [0, focal, (size[1] - 1) / 2.0], [0, 0, 1]])
@@ -174,7 +179,9 @@ def fitted_view(
     pixels = pixels[believable(camera, pixels, max_std)]
     if len(pixels) < 4:
         raise CalibrationError(
-            f"nowhere in the image is the standard deviation at most {max_std} px; allow more with --max-std"
+            "nowhere in the image is the standard deviation within the camera's domain; allow more with --max-std"
+            if max_std is None
+            else f"nowhere in the image is the standard deviation at most {max_std} px; allow more with --max-std"
         )
     seen = camera.chart.directions(camera.plane_map.value(pixels)) @ rotation.T
     seen = seen[surface.reaches(seen)]
