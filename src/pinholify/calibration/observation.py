@@ -120,17 +120,25 @@ def observe(
 
     ``solid`` takes lattice points (n, 2) to the board's points (n, 3); boards are flat unless it says otherwise.
     """
-    mapped = without_wrong_corners([_map_view(camera, view, corner_set.board) for view in corner_set.views], corner_set)
+    mapped = map_views(camera, corner_set)
     return mapped, {b.name: locate(camera, b, solid) for b in mapped if b.used}
+
+
+def map_views(camera: VirtualCamera, corner_set: CornerSet) -> list[MappedBoard]:
+    """The board of every view of ``corner_set`` in the virtual plane of ``camera``."""
+    return without_wrong_corners([_map_view(camera, view, corner_set.board) for view in corner_set.views], corner_set)
 
 
 def _map_view(camera: VirtualCamera, view: Corners, board: Board) -> MappedBoard:
     if not view.found:
         return unused(view, view.reason or "no board found")
-    forward = camera.chart.directions(camera.plane_map.value(view.uv))[:, 2]
-    inside = camera.inside(view.uv) & (forward > np.cos(WIDEST))
-    uv = view.uv[inside]
-    return map_board(view, board, inside, camera.virtual_points(uv), camera.virtual_jacobian(uv))
+    q = camera.plane_map.value(view.uv)
+    directions = camera.chart.directions(q)
+    inside = camera.inside(view.uv) & (directions[:, 2] > np.cos(WIDEST))
+    q, directions = q[inside], directions[inside]
+    by_q = camera.intrinsics.projection_jacobian(directions) @ camera.chart.direction_jacobian(q)
+    jacobian = by_q @ camera.plane_map.jacobian(view.uv[inside])
+    return map_board(view, board, inside, camera.intrinsics.project(directions), jacobian)
 
 
 def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:

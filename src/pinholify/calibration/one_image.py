@@ -8,7 +8,7 @@ import numpy as np
 
 from pinholify.arrays import Bools, Floats
 from pinholify.calibration.condensing import block_side, condensed, condensed_view
-from pinholify.calibration.observation import MappedBoard, map_boards, observe
+from pinholify.calibration.observation import MappedBoard, map_boards, map_views
 from pinholify.calibration.poses import Sighting, refine_intrinsics
 from pinholify.calibration.result import Calibration
 from pinholify.calibration.zhang import (
@@ -171,7 +171,7 @@ def check_determined(camera: VirtualCamera, corner_set: CornerSet, reference: st
     boards can be seen in one plane is let pass.
     """
     everywhere = replace(camera, domain=Domain(camera.domain.hull))
-    others = [b for b in observe(everywhere, corner_set)[0] if b.used and b.name != reference]
+    others = [b for b in map_views(everywhere, corner_set) if b.used and b.name != reference]
     if len(others) < 2:
         return
     homographies, plane = np.stack([b.homography for b in others]), _plane_normalisation(others)
