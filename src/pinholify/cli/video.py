@@ -1,0 +1,75 @@
+"""What ``pinholify undistort`` does with a video."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pinholify.cli.options import check_output, print_json, progress, say
+from pinholify.errors import InputError
+
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.batch.video import VideoJob
+    from pinholify.rectification.straightener import Straightener
+
+CODECS = ("h264", "hevc", "vp9", "av1", "prores", "ffv1")
+
+
+def straighten_one_video(
+    straightener: Straightener,
+    sources: Sequence[str],
+    target: str,
+    *,
+    codec: str | None,
+    quality: int | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Straighten the only one of ``sources``, a video, into the file ``target``, and say so."""
+    from pinholify.batch.video import straighten_video, video_job
+    from pinholify.io.places import is_url
+
+    if len(sources) > 1:
+        raise InputError(f"{len(sources)} files were given where one video is; straighten each by itself")
+    source = sources[0]
+    if is_url(source) or is_url(target):
+        raise InputError("videos are read and written on this machine only; copy the video here first")
+    check_output(Path(target), force=force, inputs=[source])
+    job = video_job(straightener, source, target, codec=codec, quality=quality)
+    _say_what_changes(job)
+    with progress("Straightening", job.info.frames) as advance:
+        try:
+            frames = straighten_video(straightener, job, on_frame=advance)
+        except KeyboardInterrupt:
+            if job.parts.exists():
+                say("stopped; the same command goes on with what is done so far, kept in " + job.parts.name)
+            raise
+    if as_json:
+        print_json(to_json(job, frames))
+    else:
+        click.echo(f"wrote {target}: {frames} frames")
+
+
+def to_json(job: VideoJob, frames: int) -> dict[str, Any]:
+    """The object that ``--json`` prints."""
+    return {
+        "format_version": 1,
+        "written": [job.target],
+        "failed": {},
+        "frames": frames,
+        "encoder": job.encoding.encoder,
+        "pixel_format": job.encoding.pixel_format,
+        "left_out": job.left_out,
+    }
+
+
+def _say_what_changes(job: VideoJob) -> None:
+    """Tell of a pixel format that is not the original's, and of streams that are left out: never silently."""
+    original = job.info.pixel_format.replace("yuvj", "yuv")
+    if job.encoding.pixel_format != original:
+        say(f"the pixel format is {job.encoding.pixel_format}: {job.encoding.encoder} cannot hold {original} here")
+    if job.left_out:
+        say(f"left out: {len(job.left_out)} streams ({', '.join(sorted(set(job.left_out)))})")
