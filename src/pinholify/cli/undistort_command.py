@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinholify.cli.options import examples, force_option, json_option, print_json, progress, say
+from pinholify.cli.video import CODECS, straighten_one_video
 from pinholify.cli.view_options import ViewChoice, view_options
 from pinholify.errors import ImageError
 
@@ -19,14 +20,15 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
 EXAMPLES = examples(
     "pinholify undistort camera.npz photos/*.jpg -o straight/ --max-std 1",
     "pinholify undistort camera.npz photos/ -o straight/ --keep valid",
-    "pinholify undistort camera.npz photos/ -o around/ --view equirectangular --fov 360 --size 4096x2048",
+    "pinholify undistort fisheye.npz photos/ -o around/ --view equirectangular",
+    "pinholify undistort camera.npz in.mp4 -o out.mp4",
 )
 
 
 @click.command("undistort", epilog=EXAMPLES)
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("images", nargs=-1, required=True)
-@click.option("-o", "folder", required=True, help="Folder to write into, a path or a URL.")
+@click.option("-o", "output", required=True, help="Folder to write into, a path or a URL; a file for a video.")
 @view_options
 @click.option(
     "--method",
@@ -35,6 +37,8 @@ EXAMPLES = examples(
     show_default=True,
     help="Interpolate backwards, or the paper's forward splat with a median filter.",
 )
+@click.option("--codec", type=click.Choice(CODECS), help="Video: how to encode; as the original by default.")
+@click.option("--quality", type=click.IntRange(0, 63), help="Video: constant rate factor, less is better.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes to use.")
 @click.option("--scheduler", metavar="ADDRESS", help="Use the workers of a dask cluster, e.g. tcp://127.0.0.1:8786.")
 @click.option("--resume", is_flag=True, help="Skip what an earlier run with this camera and these options finished.")
@@ -43,36 +47,48 @@ EXAMPLES = examples(
 def command(
     camera: Path,
     images: tuple[str, ...],
-    folder: str,
+    output: str,
     choice: ViewChoice,
     method: str,
+    codec: str | None,
+    quality: int | None,
     workers: int,
     scheduler: str | None,
     resume: bool,
     as_json: bool,
     force: bool,
 ) -> None:
-    """Straighten IMAGES (files, folders or URLs) of CAMERA into a folder: PNG, or JPEG for JPEG input.
+    """Straighten IMAGES (files, folders or URLs) of CAMERA into a folder, as PNG or for a JPEG as JPEG; or one video.
 
     What lies outside the camera's domain, or above --max-std, is black. An image that fails is reported and the rest
-    are done; the exit status is then 1.
+    are done; the exit status is then 1. A video keeps its frames' times and depth, its colours and its sound; when it
+    is stopped, the same command goes on from there.
     """
     from pinholify.batch.run import straighten_images
     from pinholify.io.places import image_places
+    from pinholify.io.video.source import is_video
 
     if scheduler is not None and workers > 1:
         raise click.UsageError("give either --workers or --scheduler: a cluster knows its own workers")
     sources = image_places(images)
+    videos = any(map(is_video, sources))
+    if videos and (scheduler is not None or workers > 1):
+        raise click.UsageError("--workers and --scheduler are for images; a video takes the cores it can use by itself")
+    if not videos and (codec is not None or quality is not None):
+        raise click.UsageError("--codec and --quality are for a video")
     straighten = choice.straightener(camera, method=method)
+    if videos:
+        straighten_one_video(straighten, sources, output, codec=codec, quality=quality, force=force, as_json=as_json)
+        return
     with progress("Straightening", len(sources)) as advance:
         report = straighten_images(
-            straighten, sources, folder, workers=workers, scheduler=scheduler, resume=resume, force=force,
+            straighten, sources, output, workers=workers, scheduler=scheduler, resume=resume, force=force,
             on_outcome=lambda _: advance(),
         )  # fmt: skip
     if as_json:
         print_json(to_json(report))
     else:
-        say_what_was_written(report, folder)
+        say_what_was_written(report, output)
     if report.failed:
         raise ImageError(summary_of(report.failed, len(report.written) + len(report.failed)))
 
