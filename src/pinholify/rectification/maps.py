@@ -16,7 +16,6 @@ from pinholify.rectification.views import View
 
 Image = NDArray[np.generic]
 
-FEWEST = 3  # filled neighbours of which a median is taken
 MARGIN = 0.05  # of the image: how far outside it a map is still followed, so that no node misses its border
 OUTSIDE = -16.0  # px; where sampling maps point when a pixel shows nothing: farther out than any interpolation reaches
 
@@ -116,15 +115,13 @@ def splat(image: Image, camera: VirtualCamera, view: View, *, max_std: float | N
 def _fill_holes(image: Image, filled: Bools, wanted: Bools) -> Image:
     """Every empty pixel that is ``wanted`` gets the median, by channel, of the filled ones around it.
 
-    Those with at least three come first. Where none has as many, because the view magnifies and its pixels lie far
-    apart, one is enough.
+    Where the view magnifies, pixels lie far apart and all grow alike until they meet.
     """
     while True:
         windows = np.lib.stride_tricks.sliding_window_view(np.pad(filled, 1), (3, 3))
-        count = windows.sum(axis=(2, 3)) * (wanted & ~filled)
-        if not count.any():
+        holes = wanted & ~filled & windows.any(axis=(2, 3))
+        if not holes.any():
             return image
-        holes = count >= min(FEWEST, count.max())
         y, x = np.nonzero(holes)
         edge = [(1, 1), (1, 1)] + [(0, 0)] * (image.ndim - 2)
         values = np.lib.stride_tricks.sliding_window_view(np.pad(image, edge), (3, 3), axis=(0, 1))[y, x]
