@@ -221,9 +221,9 @@ def _residuals(report: Report) -> Section:
     )
     numbers = f"They are {px(field.rms_px)} RMS a point, where noise alone would leave {px(floor)}.{more}"
     caption = (
-        f"Left, residuals averaged over cells of the image, {field.magnification:g} times as long as they are; right, "
-        "all of them at once, with circles at 1, 2 and 3 standard deviations of the noise. Good are short arrows "
-        "without a pattern and a round cloud."
+        f"The arrows are residuals averaged over cells of the image, {field.magnification:g} times as long as they "
+        "are; the cloud is all of them at once, with circles at 1, 2 and 3 standard deviations of the noise. Good are "
+        "short arrows without a pattern and a round cloud."
     )
     return Section("residuals", "What is left over", (text, numbers), caption=caption)
 

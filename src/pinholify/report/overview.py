@@ -19,9 +19,9 @@ NORMAL_95 = 1.96  # standard deviations
 class Overview:
     """``level`` and ``sentence`` of the verdict; errors in px a point; shares as fractions.
 
-    ``insample_px`` counts every corner alike,
-    as the held-out error does. ``floor_px`` is what the corners' noise alone would leave, ``f_share`` the standard deviation of f ÷ f, ``advice``
-    where in the image one more board would help most.
+    ``insample_px`` counts every corner alike, as the held-out error does. ``floor_px`` is what the corners' noise alone
+    would leave, ``f_share`` the standard deviation of f ÷ f, ``advice`` where in the image one more board would help
+    most.
     """
 
     level: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from dataclasses import dataclass
 
@@ -18,37 +19,37 @@ class Snippet:
 PYTHON = """\
 import pinholify
 
-camera = pinholify.read_camera({file!r}).camera
+camera = pinholify.read_camera({file}).camera
 
-straighten = pinholify.Straightener(camera)      # builds its map once, then a few ms a picture
+straighten = pinholify.Straightener(camera)  # its map is built once, for the first picture
 straight = straighten(pinholify.read_image("photo.jpg"))
 pinholify.write_image("straight.png", straight)
-pinhole = straighten.view.matrix                 # K (3, 3) px of the straight picture, no distortion
+pinhole = straighten.view.matrix  # K (3, 3) px of the straight picture; no distortion
 """
 
 RAYS = """\
 import numpy as np
 import pinholify
 
-camera = pinholify.read_camera({file!r}).camera
-pixels = np.array([{centre}, [0.0, 0.0]])        # (n, 2), integer = centre of a pixel
+camera = pinholify.read_camera({file}).camera
+pixels = np.array([{centre}, [0.0, 0.0]])  # (n, 2), integer = centre of a pixel
 
 rays = camera.to_rays(pixels)
-rays.directions                                  # (n, 3) unit vectors, x right, y down, z ahead
-rays.std_px                                      # (n,) how well each is known, px
-camera.project(rays.directions)                  # and back: (n, 2) px
+rays.directions  # (n, 3) unit vectors in the reference board's frame
+rays.std_px  # (n,) how well each is known, px
+camera.project(rays.directions)  # and back: (n, 2) px
 """
 
 OPENCV = """\
 import cv2
 import pinholify
 
-camera = pinholify.read_camera({file!r}).camera
+camera = pinholify.read_camera({file}).camera
 view = pinholify.named_view(camera, "camera", None, None)
 uv = pinholify.rectification_map(camera, view).uv
 
 straight = cv2.remap(cv2.imread("photo.jpg"), uv, None, cv2.INTER_CUBIC)
-matrix, distortion = view.matrix, None           # for cv2.solvePnP and all that wants K of the straight picture
+matrix, distortion = view.matrix, None  # of the straight picture, for cv2.solvePnP and others
 """
 
 SHELL = """\
@@ -64,9 +65,11 @@ def snippets(file: str, image_size: tuple[int, int]) -> tuple[Snippet, ...]:
     """What to do with the camera file called ``file``."""
     width, height = image_size
     centre = f"[{(width - 1) / 2}, {(height - 1) / 2}]"
+    literal = json.dumps(file, ensure_ascii=False)
+    word = shlex.quote(f"./{file}" if file.startswith("-") else file)
     return (
-        Snippet("Straighten photographs", "python", PYTHON.format(file=file)),
-        Snippet("Pixels to rays, with error bars", "python", RAYS.format(file=file, centre=centre)),
-        Snippet("With OpenCV", "python", OPENCV.format(file=file)),
-        Snippet("On the command line", "sh", SHELL.format(file=shlex.quote(file))),
+        Snippet("Straighten photographs", "python", PYTHON.format(file=literal)),
+        Snippet("Pixels to rays, with error bars", "python", RAYS.format(file=literal, centre=centre)),
+        Snippet("With OpenCV", "python", OPENCV.format(file=literal)),
+        Snippet("On the command line", "sh", SHELL.format(file=word)),
     )

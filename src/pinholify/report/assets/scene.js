@@ -90,10 +90,13 @@ for (const scene of document.querySelectorAll(".scene")) {
       context.setTransform(1, 0, 0, 1, 0, 0);
       return context.isPointInPath(...at);
     });
-    const now = hit ? hit.index : -1;
-    if (now === under) return;
-    under = now;
-    pointed.textContent = hit ? data.names[under] : "";
+    name(hit ? hit.index : -1);
+  }
+
+  function name(board) {
+    if (board === under) return;
+    under = board;
+    pointed.textContent = board < 0 ? "" : data.names[board];
     draw();
   }
 
@@ -114,6 +117,7 @@ for (const scene of document.querySelectorAll(".scene")) {
     if (canvas.hasPointerCapture(event.pointerId)) turn(-0.008 * event.movementX, -0.008 * event.movementY);
     else point(event);
   });
+  canvas.addEventListener("pointerleave", () => name(-1));
   canvas.addEventListener("wheel", (event) => {
     if (document.activeElement !== canvas && !event.ctrlKey) return; // the page scrolls, unless the scene was chosen
     event.preventDefault();

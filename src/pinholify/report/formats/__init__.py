@@ -28,7 +28,8 @@ def render(report: Report, form: str) -> str:
     """``report`` as text in the format ``form``; raises InputError for one that is not known."""
     if form not in FORMATS:
         raise InputError(f"'{form}' is no format of reports; the formats are: {', '.join(FORMATS)}")
-    return FORMATS[form](report)
+    text = FORMATS[form](report)
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")  # names of files may hold what no text does
 
 
 def write_report(path: str | os.PathLike[str], report: Report, form: str = "html") -> None:
