@@ -41,7 +41,7 @@ class OpenCVCamera:
     def residuals(self, board: BoardPoints) -> Floats | None:
         """Reprojection residuals (n, 2) px with only the pose refitted; None where OpenCV finds no pose."""
         try:
-            rotation, translation = self._pose(board)
+            rotation, translation = self.pose(board)
             if self.model == "fisheye":
                 seen, _ = cv2.fisheye.projectPoints(
                     board.solid[:, None], rotation, translation, self.matrix, self.distortion
@@ -52,8 +52,8 @@ class OpenCVCamera:
             return None
         return np.asarray(seen[:, 0] - board.uv)
 
-    def _pose(self, board: BoardPoints) -> tuple[Floats, Floats]:
-        """Pose by a solve on undistorted points, then least squares on px."""
+    def pose(self, board: BoardPoints) -> tuple[Floats, Floats]:
+        """rvec and tvec (3, 1) of a board by a solve on undistorted points, then least squares on px."""
         rays = self._normalised(board.uv)
         _, rotation, translation = cv2.solvePnP(board.solid, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
         if self.model != "fisheye":
