@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.board import AprilGrid, Board, Charuco, Checkerboard, size
+from pinholify.board import AprilGrid, Board, Charuco, Checkerboard, CircleGrid, size
 from pinholify.corners import Corners, not_found
 from pinholify.detection.aprilgrid import detect_aprilgrid
 from pinholify.detection.candidates import find_candidates
 from pinholify.detection.charuco import detect_charuco
+from pinholify.detection.circles import detect_circles
 from pinholify.detection.growth import FEWEST, grower
 from pinholify.detection.intensity import Grey, grey_levels
 from pinholify.detection.lattice import Lattice
@@ -42,6 +43,8 @@ def detect_board(image: NDArray[Any], board: Board, *, name: str = "", mirrored:
         return detect_charuco(image, board, name=name)
     if isinstance(board, AprilGrid):
         return detect_aprilgrid(image, board, name=name)
+    if isinstance(board, CircleGrid):
+        return detect_circles(image, board, name=name, mirrored=mirrored)
     grey = grey_levels(image)
     best = not_found(name, f"no board of {board.spec} inner corners was found")
     for lattices in _searches(grey):

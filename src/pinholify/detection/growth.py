@@ -99,15 +99,15 @@ class Grower:
     def _ring(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
         """``lattice`` with the corners found one step, or else two steps, beyond its own."""
         for reach in (1, 2):
-            frontier = _frontier(lattice.index, reach, banned)
-            if not len(frontier):
+            beyond = frontier(lattice.index, reach, banned)
+            if not len(beyond):
                 continue
-            expected = predict(lattice.index, lattice.uv, frontier)
-            uv, found = self._match(frontier, expected, lattice)
+            expected = predict(lattice.index, lattice.uv, beyond)
+            uv, found = self._match(beyond, expected, lattice)
             if not found.any() and len(lattice) >= FEWEST:
-                uv, found = self._search(frontier, expected, lattice)
+                uv, found = self._search(beyond, expected, lattice)
             if found.any():
-                return lattice.joined(frontier[found], uv[found])
+                return lattice.joined(beyond[found], uv[found])
         return lattice
 
     def _match(self, index: Ints, expected: Prediction, lattice: Lattice) -> tuple[Floats, Bools]:
@@ -116,7 +116,7 @@ class Grower:
         hessian = expected.jacobian.transpose(0, 2, 1) @ self.candidates.hessian[nearest] @ expected.jacobian
         mixed = hessian[:, 0, 1] * signs(index, lattice.phase)
         straight = np.maximum(np.abs(hessian[:, 0, 0]), np.abs(hessian[:, 1, 1])) < mixed
-        found = (distance < _gate(expected)) & straight
+        found = (distance < gate(expected)) & straight
         found &= _first_of_each(nearest, distance)
         return self.candidates.uv[nearest], found
 
@@ -129,7 +129,7 @@ class Grower:
         frames[~inside] = np.eye(2)
         saddles = refine_saddles(self.grey, expected.uv, frames)
         strength = saddles.strength * signs(index, lattice.phase)
-        near = np.linalg.norm(saddles.uv - expected.uv, axis=1) < _gate(expected)
+        near = np.linalg.norm(saddles.uv - expected.uv, axis=1) < gate(expected)
         clear = (strength > 0.2 * usual) & (saddles.residual < 0.35 * strength)
         return saddles.uv, inside & saddles.sound & near & clear
 
@@ -213,7 +213,7 @@ def _first_cross(candidates: Candidates, links: Ints, seed: int) -> Lattice:
     return Lattice(index, candidates.uv[[seed, *links[seed]]], np.ones(5), 1)
 
 
-def _frontier(index: Ints, reach: int, banned: set[tuple[int, int]]) -> Ints:
+def frontier(index: Ints, reach: int, banned: set[tuple[int, int]]) -> Ints:
     """Indices (m, 2) exactly ``reach`` steps along a row or column from a known one, and not yet known."""
     known = _pairs(index)
     around = {(i + reach * int(di), j + reach * int(dj)) for i, j in known for di, dj in SIDES}
@@ -229,7 +229,8 @@ def signs(index: Ints, phase: int) -> Floats:
     return np.where(index.sum(axis=1) % 2 == 0, 1.0, -1.0) * phase
 
 
-def _gate(expected: Prediction) -> Floats:
+def gate(expected: Prediction) -> Floats:
+    """How far (m,) px from a prediction a corner may be."""
     low, high = GATE
     return np.clip(6 * expected.std, low * expected.spacing, high * expected.spacing)
 

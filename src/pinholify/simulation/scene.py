@@ -102,9 +102,9 @@ class CircleGridTexture:
     def __call__(self, xy: Floats) -> Floats:
         """Colours (N, 1) of ``xy`` (N, 2)."""
         row = np.clip(np.rint(xy[:, 1]), 0, self.board.rows - 1).astype(np.int64)
-        first, second = self.board.places(np.stack([0 * row, 1 + 0 * row]), row)
-        step = second[:, 0] - first[:, 0]
-        column = np.clip(np.rint((xy[:, 0] - first[:, 0]) / step), 0, self.board.columns - 1).astype(np.int64)
+        first, second = (self.board.places(np.full_like(row, column), row)[:, 0] for column in (0, 1))
+        nearest = np.rint((xy[:, 0] - first) / (second - first))
+        column = np.clip(nearest, 0, self.board.columns - 1).astype(np.int64)
         from_centre = np.linalg.norm(xy - self.board.places(column, row), axis=1)
         colour = np.where(from_centre < self.board.diameter / 2, self.dark, self.light)
         low, high = outline(self.board)
