@@ -94,7 +94,7 @@ def test_processes_that_cannot_start(tmp_path, monkeypatch):
 def test_no_scheduler(tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="needs the extra 'cluster'")
     monkeypatch.setattr("pinholify.batch.executors.cluster.PATIENCE", 0.5)
-    with pytest.raises(InputError, match="no scheduler answers at 'tcp://127.0.0.1:9'"):
+    with pytest.raises(InputError, match="no scheduler answers at"):
         list(EXECUTORS["dask"](Chores(), jobs_of(tmp_path, "a"), "tcp://127.0.0.1:9"))
 
 

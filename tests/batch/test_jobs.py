@@ -28,7 +28,7 @@ def test_target(source, folder, target):
 
 
 def test_targets_that_clash():
-    with pytest.raises(InputError, match="both be written as 'out/b.png'"):
+    with pytest.raises(InputError, match="two images would both be written"):
         jobs_for(["a/b.tif", "c/b.png"], "out")
 
 

@@ -54,7 +54,7 @@ def _started(original: Any, temporary: Path, encoding: Encoding, info: VideoInfo
     """The new file with its header written, its picture's stream, and a copy for each stream that is copied."""
     av = pyav()
     try:
-        output = av.open(str(temporary), "w")
+        output = av.open(str(temporary), "w", container_options=_exact_starts(temporary, info))
         picture = output.add_stream(encoding.encoder)
         encoding.configure(picture.codec_context)
         picture.time_base = info.time_base
@@ -69,6 +69,11 @@ def _started(original: Any, temporary: Path, encoding: Encoding, info: VideoInfo
             f"a {temporary.suffix} file does not take what is in this video ({error}); name the result .mkv"
         ) from None
     return output, picture, copies
+
+
+def _exact_starts(path: Path, info: VideoInfo) -> dict[str, str]:
+    """MP4 and QuickTime files begin a stream later by a time of the movie's own scale, of milliseconds by default."""
+    return {} if path.suffix.lower() in (".mkv", ".webm") else {"movie_timescale": str(info.time_base.denominator)}
 
 
 def _copy(output: Any, stream: Any) -> Any:

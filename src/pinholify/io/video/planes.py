@@ -117,9 +117,9 @@ def _plane_sampler(rectification: RectificationMap, image_size: tuple[int, int],
 
 
 def _blocks(values: NDArray[Any], step: tuple[int, int]) -> NDArray[Any]:
-    """(height, width, …) as blocks (height/rows, rows, width/columns, columns, …); the last ones repeat the edge."""
+    """(height, width, …) as blocks (height/rows, rows, width/columns, columns, …); beyond its edges a map goes on."""
     columns, rows = step
     pad = [(0, -values.shape[0] % rows), (0, -values.shape[1] % columns)] + [(0, 0)] * (values.ndim - 2)
-    padded = np.pad(values, pad, mode="edge")
+    padded = np.pad(values, pad, "edge") if values.dtype == bool else np.pad(values, pad, "reflect", reflect_type="odd")
     height, width = padded.shape[:2]
     return padded.reshape(height // rows, rows, width // columns, columns, *values.shape[2:])

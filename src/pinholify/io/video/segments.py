@@ -110,7 +110,7 @@ class SegmentFolder:
 def _read(path: Path) -> Segment | None:
     """The part at ``path``; None where there is none that can be used."""
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return Segment(arrays["data"], arrays["size"], arrays["pts"], arrays["key"], int(arrays["end"]))
     except (OSError, ValueError, KeyError, zipfile.BadZipFile):
         return None
