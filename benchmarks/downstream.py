@@ -228,6 +228,12 @@ def measured(model, lens, content, seed):
     return *pose_errors(left, lens, testing), triangulated, row_error(left, right, lens, testing, hulls, across)
 
 
+def drawn(model, lens, content):
+    """All four errors, root mean square over draws of noise; nan where the model cannot be fitted to one of them."""
+    results = [measured(model, lens, content, seed) for seed in range(DRAWS)]
+    return [np.nan] * 4 if None in results else [rms(each) for each in zip(*results, strict=True)]
+
+
 def main(names):
     print("| lens | measure | ours | OpenCV 5 | OpenCV 8 | OpenCV fisheye | ours ÷ best |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
@@ -235,9 +241,9 @@ def main(names):
     for name in names or NAMED:
         lens = LENSES[name]
         content = scene(lens)
-        results = {model: [measured(model, lens, content, seed) for seed in range(DRAWS)] for model in ("ours", *MODELS)}
+        results = {model: drawn(model, lens, content) for model in ("ours", *MODELS)}
         for i, title in enumerate(titles):
-            errors = {model: np.nan if None in draws else rms([e[i] for e in draws]) for model, draws in results.items()}
+            errors = {model: result[i] for model, result in results.items()}
             ratio = errors["ours"] / np.nanmin([errors[model] for model in MODELS])
             print(f"| {name} | {title} | {' | '.join(f'{e:.3g}' for e in errors.values())} | {ratio:.2g} |", flush=True)
 
