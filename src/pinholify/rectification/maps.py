@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pinholify.arrays import Bools
 from pinholify.camera import VirtualCamera
 from pinholify.expansion import expand
-from pinholify.rectification.trust import source_mask, source_std
+from pinholify.rectification.trust import source_log_std, source_mask
 from pinholify.rectification.views import View
 
 Image = NDArray[np.generic]
@@ -49,11 +49,15 @@ def rectification_map(
     whole = planes if np.isfinite(planes.sum()) else np.nan_to_num(planes, nan=OUTSIDE)
     mask = source_mask(camera, max_std).view(np.uint8)
     valid = cv2.remap(mask, whole[0], whole[1], cv2.INTER_NEAREST, borderValue=0).view(np.bool_)
-    std = None
-    if with_std:
-        known = (source_std(camera), whole[0], whole[1], cv2.INTER_LINEAR)
-        std = np.where(_within(whole, camera.image_size), cv2.remap(*known, borderMode=cv2.BORDER_REPLICATE), np.nan)
+    std = _std_at(camera, whole) if with_std else None
     return RectificationMap(view, np.moveaxis(planes, 0, -1), valid, std)
+
+
+def _std_at(camera: VirtualCamera, planes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Standard deviations (height, width) at the pixels ``planes`` (2, height, width); nan outside the image."""
+    log_std = source_log_std(camera)
+    found = cv2.remap(log_std, planes[0], planes[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.where(_within(planes, camera.image_size), np.exp(found), np.float32(np.nan))
 
 
 def _within(planes: NDArray[np.float32], image_size: tuple[int, int]) -> Bools:

@@ -13,9 +13,9 @@ from pinholify.camera import VirtualCamera
 from pinholify.expansion import expand
 
 SAMPLES = 96
+LATTICE = 64  # places along the longer side of the image: a standard deviation changes slowly
 STD_TOLERANCE = 0.1  # relative, of all that higher orders might add: in truth some per mille
 SMALLEST_STD = 1e-12  # px; keeps the logarithm finite
-REDUCTION = 8  # a standard deviation changes slowly: it is worked out at every so many pixels
 
 
 def source_mask(camera: VirtualCamera, max_std: float | None) -> Bools:
@@ -25,7 +25,7 @@ def source_mask(camera: VirtualCamera, max_std: float | None) -> Bools:
     """
     limit = camera.domain.max_std if max_std is None else max_std
     if np.isfinite(limit):
-        return np.asarray(source_std(camera) <= limit)
+        return np.asarray(source_log_std(camera) <= np.log(limit + SMALLEST_STD))
     width, height = camera.image_size
     mask = np.zeros((height, width), dtype=np.uint8)
     cv2.fillConvexPoly(mask, np.round(camera.domain.hull.vertices * 16).astype(np.int32), 1, shift=4)
@@ -33,22 +33,22 @@ def source_mask(camera: VirtualCamera, max_std: float | None) -> Bools:
 
 
 @lru_cache(maxsize=4)
-def source_std(camera: VirtualCamera) -> NDArray[np.float32]:
-    """The map's standard deviation at every pixel of the original image, px: (height, width), read-only.
+def source_log_std(camera: VirtualCamera) -> NDArray[np.float32]:
+    """Logarithm of the map's std in px at every pixel of the original image: (height, width), read-only.
 
-    Interpolated, to a per cent or so of itself.
+    Interpolated between some thousand places, in truth to a per cent or so of the std; nan where the map has no answer.
     """
     size = np.array(camera.image_size)
-    coarse = -(-size // REDUCTION)
+    lattice = np.maximum(np.rint(LATTICE * size / size.max()), 2).astype(np.int64)
     log_std = expand(
-        lambda index: np.log(camera.shape_std((index + 0.5) * (size / coarse) - 0.5) + SMALLEST_STD)[:, None],
-        (int(coarse[0]), int(coarse[1])),
+        lambda index: np.log(camera.shape_std((index + 0.5) * (size / lattice) - 0.5) + SMALLEST_STD)[:, None],
+        (int(lattice[0]), int(lattice[1])),
         outputs=1,
         tolerance=STD_TOLERANCE,
     )[0]
-    std = np.asarray(cv2.resize(np.exp(log_std), camera.image_size), dtype=np.float32)
-    std.flags.writeable = False
-    return std
+    whole = np.asarray(cv2.resize(log_std, camera.image_size), dtype=np.float32)
+    whole.flags.writeable = False
+    return whole
 
 
 def believable(camera: VirtualCamera, pixels: Floats, max_std: float | None) -> Bools:
