@@ -17,12 +17,15 @@ from starlette.exceptions import HTTPException
 from pinholify.errors import PinholifyError
 from pinholify.web.limits import Bounded, Limits, TooMuch
 from pinholify.web.routes import router
-from pinholify.web.security import Guard
-from pinholify.web.studio import NotThere, Studio
+from pinholify.web.security import HEADER, Guard
+from pinholify.web.studio import Studio
 from pinholify.web.work import WorkError
+from pinholify.web.workroom import NotThere
 
 STATIC = Path(__file__).parent / "static"
 STATUS: dict[type[PinholifyError], int] = {TooMuch: 413, NotThere: 404, WorkError: 500}
+
+PAGE, REFUSED = "page", "x-refused"
 
 log = logging.getLogger("pinholify.web")
 
@@ -40,7 +43,7 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        warming = asyncio.create_task(studio.crew.warm_up())
+        warming = asyncio.create_task(studio.room.crew.warm_up())
         yield
         warming.cancel()
         await studio.close()
@@ -63,8 +66,11 @@ def _page() -> FileResponse:
     return FileResponse(STATIC / "index.html")
 
 
-async def _refused(_: Request, error: Exception) -> JSONResponse:
-    return JSONResponse({"error": str(error)}, STATUS.get(type(error), 422))  # type: ignore[arg-type]
+async def _refused(request: Request, error: Exception) -> JSONResponse:
+    status = STATUS.get(type(error), 422)  # type: ignore[arg-type]
+    # The page is told in a header: browsers write every other status to the console as an error of the page's.
+    from_page = request.headers.get(HEADER) == PAGE
+    return JSONResponse({"error": str(error)}, 200 if from_page else status, {REFUSED: str(status)})
 
 
 async def _not_understood(_: Request, error: Exception) -> JSONResponse:

@@ -14,6 +14,7 @@ from pinholify.web.sessions import Photograph, Session
 
 Event = dict[str, Any]
 
+JUDGED = ("level", "sentence", "next", "heldout_px")  # what of a result stays until the next is judged
 QUIET = 0.4  # seconds without a new photograph after which no more are expected
 
 
@@ -39,6 +40,7 @@ class Desk:
     solver: asyncio.Task[None] | None = None
     solve_job: asyncio.Task[Any] | None = None
     other_job: asyncio.Task[None] | None = None
+    report_job: asyncio.Task[Any] | None = None
 
     def tell(self, kind: str, **what: object) -> None:
         """An event for all open pages."""
@@ -66,7 +68,8 @@ class Desk:
 
     def tasks(self) -> list[asyncio.Task[Any]]:
         """Everything that runs."""
-        return [task for task in (self.solver, self.solve_job, self.other_job) if task is not None and not task.done()]
+        tasks = (self.solver, self.solve_job, self.other_job, self.report_job)
+        return [task for task in tasks if task is not None and not task.done()]
 
 
 def session_event(session: Session) -> Event:
@@ -76,7 +79,6 @@ def session_event(session: Session) -> Event:
     usable = session.usable
     return {
         "id": session.id,
-        "name": session.name,
         "created": session.created,
         "board": None
         if session.board is None
@@ -93,11 +95,13 @@ def session_event(session: Session) -> Event:
 def result_event(session: Session, desk: Desk) -> Event:
     """The result that pages show, the newest there is, and what stands in the way of another."""
     result = desk.preview or session.result
+    if desk.preview and session.result and desk.preview["stage"] != "evaluated":
+        result = {**desk.preview, **{name: session.result[name] for name in JUDGED}}
     return {
         "result": result,
         "solve": desk.preview_solve or session.solve,
         "final": desk.preview is None and result is not None,
-        "accepted": result is not None and guidance.content(result),
+        "accepted": session.result is not None and guidance.content(session.result),
         "problem": desk.problem,
     }
 

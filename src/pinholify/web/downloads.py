@@ -1,4 +1,4 @@
-"""What is taken away: exports, corner tables, boards to print."""
+"""What is taken away: exports, reports, corner tables, boards to print."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ from pinholify.io.corner_tables import write_corner_table
 from pinholify.io.export import format_named
 from pinholify.io.export.base import export_view
 from pinholify.io.files import make_folder
+from pinholify.report.contents import make_report
+from pinholify.report.evaluated import evaluated
+from pinholify.report.formats import write_report
+from pinholify.report.pictures import read_pictures
+from pinholify.report.provenance import provenance_of
 from pinholify.web.work import Say
 
 
@@ -29,6 +34,14 @@ def export(say: Say, folder: Path, camera: Path, format_name: str) -> Path:
         for file in sorted(files):
             pack.write(file, file.name)
     return archive
+
+
+def report(say: Say, path: Path, camera: Path, photographs: dict[str, Path]) -> None:
+    """The report of the ``camera`` file with its ``photographs`` by name, written to ``path``."""
+    calibration = read_camera(camera)
+    evaluation, verdict = evaluated(calibration)
+    pictures = read_pictures(calibration, photographs)
+    write_report(path, make_report(evaluation, verdict, provenance_of(camera), pictures))
 
 
 def corner_table(say: Say, folder: Path, corners: CornerSet) -> Path:

@@ -13,6 +13,7 @@ from pinholify.board import Board
 from pinholify.corners import Corners, not_found
 from pinholify.detection import detect_board, detect_size
 from pinholify.io.images import Image, decode_image, read_bytes, write_image
+from pinholify.report.pictures import eight_bits
 from pinholify.web.work import Say
 
 VIEW_SIDE, THUMB_SIDE = 1600, 480
@@ -83,17 +84,9 @@ def blur(image: Image, corners: Corners) -> float:
 def write_pages(image: Image, folder: Path) -> None:
     """``view.jpg`` and ``thumb.jpg`` of ``image`` in ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
-    view = reduced(shown(image), VIEW_SIDE)
+    view = reduced(eight_bits(image), VIEW_SIDE)
     write_image(folder / "view.jpg", view)
     write_image(folder / "thumb.jpg", reduced(view, THUMB_SIDE))
-
-
-def shown(image: Image) -> NDArray[np.uint8]:
-    """``image`` in the eight bits that browsers show."""
-    if image.dtype == np.uint8:
-        return image
-    top = max(float(np.percentile(image, 99.9)), 1.0)
-    return np.clip(image * (255.0 / top), 0, 255).astype(np.uint8)
 
 
 def reduced(image: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:

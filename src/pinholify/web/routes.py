@@ -23,8 +23,9 @@ from pinholify.io.export import FORMATS
 from pinholify.web import downloads
 from pinholify.web.desk import Event, photograph_event, result_event, session_event
 from pinholify.web.sessions import new_id
-from pinholify.web.studio import NotThere, Studio, summaries
+from pinholify.web.studio import Studio, summaries
 from pinholify.web.work import Function
+from pinholify.web.workroom import NotThere
 
 HEARTBEAT = 15.0  # seconds
 PICTURES = frozenset(["view.jpg", "thumb.jpg"])
@@ -52,7 +53,6 @@ class SessionChange(NewSession):
     """What of a session shall change; what is not named stays."""
 
     mirrored: bool = False
-    name: str = Field("", max_length=100)
 
 
 class PhotographChange(BaseModel):
@@ -68,8 +68,8 @@ def about(studio: TheStudio) -> Event:
         "version": __version__,
         "formats": [{"name": name, "title": title} for name, title in FORMATS.items()],
         "pages": list(PAGES),
-        "photograph_bytes": studio.limits.photograph_bytes,
-        "video_bytes": studio.limits.video_bytes,
+        "photograph_bytes": studio.room.limits.photograph_bytes,
+        "video_bytes": studio.room.limits.video_bytes,
     }
 
 
@@ -79,7 +79,7 @@ def about(studio: TheStudio) -> Event:
 @router.get("/sessions")
 def sessions(studio: TheStudio) -> list[Event]:
     """All sessions, the newest first."""
-    return summaries(studio.session(session_id) for session_id in studio.store.ids())
+    return summaries(studio.room.session(session_id) for session_id in studio.room.store.ids())
 
 
 @router.post("/sessions", status_code=201)
@@ -109,13 +109,14 @@ async def delete_session(studio: TheStudio, session_id: str) -> Event:
 @router.get("/sessions/{session_id}/events")
 async def events(studio: TheStudio, session_id: str) -> StreamingResponse:
     """All of a session, then every change of it, as server-sent events."""
-    studio.session(session_id)
-    headers = {"x-accel-buffering": "no"}
-    return StreamingResponse(_stream(studio, session_id), media_type="text/event-stream", headers=headers)
+    return StreamingResponse(_stream(studio, session_id), media_type="text/event-stream")
 
 
 async def _stream(studio: Studio, session_id: str) -> AsyncIterator[str]:
-    desk = studio.desk(session_id)
+    if studio.room.store.get(session_id) is None:
+        yield _as_event({"kind": "gone"})
+        return
+    desk = studio.room.desk(session_id)
     with desk.watching() as queue:
         yield _as_event(snapshot(studio, session_id))
         while True:
@@ -127,7 +128,7 @@ async def _stream(studio: Studio, session_id: str) -> AsyncIterator[str]:
 
 def snapshot(studio: Studio, session_id: str) -> Event:
     """A session as a page needs it when it opens."""
-    session, desk = studio.session(session_id), studio.desk(session_id)
+    session, desk = studio.room.session(session_id), studio.room.desk(session_id)
     return {
         "kind": "snapshot",
         "session": session_event(session),
@@ -150,15 +151,14 @@ async def session(studio: TheStudio, session_id: str) -> Event:
 @router.post("/sessions/{session_id}/solve")
 async def solve(studio: TheStudio, session_id: str) -> Event:
     """Calibrate now."""
-    studio.session(session_id)
-    studio.want_solve(session_id, at_once=True)
+    studio.room.session(session_id)
+    studio.calibrator.want(session_id, at_once=True)
     return {}
 
 
 @router.post("/sessions/{session_id}/cancel")
 async def cancel(studio: TheStudio, session_id: str) -> Event:
     """End the session's long work."""
-    studio.session(session_id)
     studio.cancel(session_id)
     return {}
 
@@ -170,26 +170,26 @@ async def cancel(studio: TheStudio, session_id: str) -> Event:
 async def add_photograph(studio: TheStudio, session_id: str, request: Request, name: Name) -> Event:
     """Add the photograph in the body."""
     arrived = await _received(studio, session_id, request)
-    return photograph_event(await studio.add_photograph(session_id, arrived, name))
+    return photograph_event(await studio.intake.add_photograph(session_id, arrived, name))
 
 
 @router.post("/sessions/{session_id}/frames")
 async def add_frame(studio: TheStudio, session_id: str, request: Request) -> Event:
     """Look at the frame of a live camera in the body."""
-    return await studio.add_frame(session_id, await _received(studio, session_id, request))
+    return await studio.intake.add_frame(session_id, await _received(studio, session_id, request))
 
 
 @router.post("/sessions/{session_id}/videos", status_code=202)
 async def add_video(studio: TheStudio, session_id: str, request: Request, name: Name) -> Event:
     """Choose frames of the video in the body."""
-    studio.add_video(session_id, await _received(studio, session_id, request), name)
+    studio.intake.add_video(session_id, await _received(studio, session_id, request), name)
     return {}
 
 
 async def _received(studio: Studio, session_id: str, request: Request) -> Path:
     """The body of ``request`` in a file of the session; nothing stays where it does not arrive whole."""
-    studio.check_room(session_id)
-    path = studio.store.arriving(session_id)
+    studio.intake.check_room(session_id)
+    path = studio.room.store.arriving(session_id)
     try:
         with open(path, "xb") as file:
             async for chunk in request.stream():
@@ -203,30 +203,30 @@ async def _received(studio: Studio, session_id: str, request: Request) -> Path:
 @router.patch("/sessions/{session_id}/photographs/{photograph_id}")
 async def change_photograph(studio: TheStudio, session_id: str, photograph_id: str, change: PhotographChange) -> Event:
     """Include or exclude a photograph."""
-    studio.include(session_id, photograph_id, change.included)
+    studio.intake.include(session_id, photograph_id, change.included)
     return {}
 
 
 @router.delete("/sessions/{session_id}/photographs/{photograph_id}")
 async def delete_photograph(studio: TheStudio, session_id: str, photograph_id: str) -> Event:
     """Remove a photograph."""
-    studio.remove(session_id, photograph_id)
+    studio.intake.remove(session_id, photograph_id)
     return {}
 
 
 @router.get("/sessions/{session_id}/photographs/{photograph_id}/straight.jpg")
 async def straight(studio: TheStudio, session_id: str, photograph_id: str) -> FileResponse:
     """A photograph straightened by the newest result."""
-    return FileResponse(await studio.straight(session_id, photograph_id), media_type="image/jpeg")
+    return FileResponse(await studio.calibrator.straight(session_id, photograph_id), media_type="image/jpeg")
 
 
 @router.get("/sessions/{session_id}/photographs/{photograph_id}/{picture}")
 async def picture(studio: TheStudio, session_id: str, photograph_id: str, picture: str) -> FileResponse:
     """A photograph as pages show it."""
-    known = studio.session(session_id).photograph(photograph_id)
+    known = studio.room.session(session_id).photograph(photograph_id)
     if known is None or picture not in PICTURES:
         raise NotThere("there is no such picture; it may have been removed")
-    return FileResponse(studio.store.path(session_id, known.id, picture), media_type="image/jpeg")
+    return FileResponse(studio.room.store.path(session_id, known.id, picture), media_type="image/jpeg")
 
 
 # --- downloads ---
@@ -235,23 +235,31 @@ async def picture(studio: TheStudio, session_id: str, photograph_id: str, pictur
 @router.get("/sessions/{session_id}/camera.npz")
 async def camera(studio: TheStudio, session_id: str) -> FileResponse:
     """The camera file."""
-    return FileResponse(studio.camera(session_id), media_type="application/octet-stream", filename="camera.npz")
+    path = studio.calibrator.camera(session_id)
+    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+
+
+@router.get("/sessions/{session_id}/report.html")
+async def report(studio: TheStudio, session_id: str) -> FileResponse:
+    """The report of the camera, made when it is first asked for."""
+    path = await studio.calibrator.report(session_id)
+    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
 @router.get("/sessions/{session_id}/corners.vnl")
 async def corners(studio: TheStudio, session_id: str) -> FileResponse:
     """The corners of all photographs that count, as a table."""
-    corner_set = studio.session(session_id).corner_set()
+    corner_set = studio.room.session(session_id).corner_set()
     if corner_set is None:
         raise NotThere("no photograph shows the board yet")
-    return await _made(studio, studio.store.arriving(session_id), downloads.corner_table, corner_set)
+    return await _made(studio, studio.room.store.arriving(session_id), downloads.corner_table, corner_set)
 
 
 @router.get("/sessions/{session_id}/export/{format_name}")
 async def export(studio: TheStudio, session_id: str, format_name: str) -> FileResponse:
     """The camera in another program's format."""
-    arguments = studio.camera(session_id), format_name
-    return await _made(studio, studio.store.arriving(session_id), downloads.export, *arguments)
+    arguments = studio.calibrator.camera(session_id), format_name
+    return await _made(studio, studio.room.store.arriving(session_id), downloads.export, *arguments)
 
 
 @router.get("/board")
@@ -262,13 +270,13 @@ async def board(
     if ending not in BOARD_FORMATS:
         raise InputError(f"'{ending}' is no kind of file for a board; these are: {', '.join(BOARD_FORMATS)}")
     arguments = parse_board(board), square_mm, page, ending
-    return await _made(studio, studio.store.folder / f"arriving-{new_id()}", downloads.board_sheet, *arguments)
+    return await _made(studio, studio.room.store.folder / f"arriving-{new_id()}", downloads.board_sheet, *arguments)
 
 
 async def _made(studio: Studio, folder: Path, make: Function, *arguments: object) -> FileResponse:
     """The file that ``make`` writes into ``folder``, which is removed when the browser has it, or when it fails."""
     try:
-        path: Path = await studio.crew.run(make, folder, *arguments)
+        path: Path = await studio.room.crew.run(make, folder, *arguments)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise

@@ -65,7 +65,6 @@ class Session:
     board: Board | None = None
     square_mm: float | None = None
     mirrored: bool = False
-    name: str = ""
     photographs: tuple[Photograph, ...] = ()
     solve: str | None = None
     result: dict[str, Any] | None = field(default=None)
@@ -151,7 +150,6 @@ class Store:
         self._sessions[session.id] = session
         data = {
             "created": session.created,
-            "name": session.name,
             "board": session.board.spec if session.board else None,
             "square_mm": session.square_mm,
             "mirrored": session.mirrored,
@@ -194,7 +192,6 @@ class Store:
             board,
             data["square_mm"],
             data["mirrored"],
-            data["name"],
             tuple(photographs),
             data["solve"],
             data["result"],

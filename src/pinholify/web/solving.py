@@ -26,7 +26,7 @@ from pinholify.io.images import decode_image, read_bytes, write_image
 from pinholify.pipeline import FEWEST_FOR_JOINT, calibrate
 from pinholify.rectification.maps import RectificationMap, rectification_map, remap
 from pinholify.rectification.views import View, named_view
-from pinholify.web.looking import shown
+from pinholify.report.pictures import eight_bits
 from pinholify.web.work import Say
 
 FIRST_LOOK = "angle:4"  # a trend that suits most lenses, to be solved at once while the best one is not known
@@ -230,4 +230,4 @@ def straighten(say: Say, original: Path, map_file: Path, target: Path, pixels: i
     with np.load(map_file, allow_pickle=False) as data:
         height, width = data["valid"].shape
         made = RectificationMap(View(data["matrix"], data["rotation"], (width, height)), data["uv"], data["valid"])
-    write_image(target, shown(remap(decode_image(read_bytes(original), original.name, max_pixels=pixels), made)))
+    write_image(target, eight_bits(remap(decode_image(read_bytes(original), original.name, max_pixels=pixels), made)))

@@ -1,6 +1,6 @@
 /** Talking to the app. Whatever is refused becomes an Error whose message is a sentence for people. */
 
-const HEADERS = { "X-Pinholify": "1" };
+const HEADERS = { "X-Pinholify": "page" };
 const GONE = "The app does not answer; is it still running in the terminal?";
 
 async function send(method, path, options = {}) {
@@ -10,7 +10,7 @@ async function send(method, path, options = {}) {
   } catch {
     throw new Error(GONE);
   }
-  if (answer.ok) return answer;
+  if (answer.ok && !answer.headers.has("X-Refused")) return answer;
   const { error } = await answer.json().catch(() => ({}));
   throw new Error(error ?? `The app answered with status ${answer.status}.`);
 }
@@ -31,13 +31,17 @@ export async function upload(path, blob) {
   return (await send("POST", path, { body: blob, headers: { "Content-Type": "application/octet-stream" } })).json();
 }
 
+/** An address within the browser of the picture that the app makes at `path`. */
+export async function picture(path) {
+  return URL.createObjectURL(await (await send("GET", path)).blob());
+}
+
 /** Have the browser keep what the app makes at `path`; refusals become errors instead of pages. */
 export async function download(path) {
   const answer = await send("GET", path);
-  const name = /filename="([^"]+)"/.exec(answer.headers.get("content-disposition") ?? "")?.[1] ?? "download";
   const link = document.createElement("a");
   link.href = URL.createObjectURL(await answer.blob());
-  link.download = name;
+  link.download = /filename="([^"]+)"/.exec(answer.headers.get("content-disposition"))?.[1] ?? "download";
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }

@@ -41,6 +41,7 @@ export async function start(session) {
   byId("live").hidden = false;
   byId("stage").hidden = true;
   await video.play();
+  byId("live-picture").style.setProperty("--wide", String(video.videoWidth / video.videoHeight));
   look(id, video, stream);
 }
 

@@ -150,6 +150,7 @@ function takeAway() {
     el("h2", {}, "Take it away"),
     el("div", { class: "actions" },
       el("button", { type: "button", class: "primary", id: "download-camera", disabled: !ready, onclick: get(`${base}/camera.npz`) }, "Camera"),
+      el("button", { type: "button", id: "download-report", disabled: !ready, onclick: get(`${base}/report.html`) }, "Report"),
       el("button", { type: "button", id: "download-corners", onclick: get(`${base}/corners.vnl`) }, "Corners")),
     el("div", { class: "actions" }, formats,
       el("button", {

@@ -1,12 +1,13 @@
 /** The selected photograph, large: as it was taken with its corners, and straight, with a slider between. */
 
+import { picture } from "./api.js";
 import { byId, el } from "./dom.js";
 import { overlay } from "./overlay.js";
 import { onStage, stale, state } from "./state.js";
 
 let shown = "";
 let split = 50;
-let straightShown = "";
+let former = { of: "", address: "" }; // the last straight picture, shown until the next is there
 
 export function drawStage() {
   const stage = byId("stage");
@@ -28,12 +29,12 @@ export function drawStage() {
 }
 
 function parts(photograph) {
-  const base = `/api/sessions/${state.session.id}/photographs/${photograph.id}`;
+  const base = `/sessions/${state.session.id}/photographs/${photograph.id}`;
   const board = state.result?.boards[photograph.id];
   const before = el(
     "div",
     { class: "before" },
-    el("img", { src: `${base}/view.jpg`, alt: `${photograph.name} as photographed` }),
+    el("img", { src: `/api${base}/view.jpg`, alt: `${photograph.name} as photographed` }),
     photograph.found ? overlay(photograph, state.session.board?.columns ?? 1, board, state.result?.rms_px ?? 0) : null,
   );
   const frame = el("div", { class: "frame" }, before);
@@ -43,17 +44,20 @@ function parts(photograph) {
 }
 
 function straight(photograph, base, frame) {
-  const address = `${base}/straight.jpg?of=${state.solve}-${state.result.stage}`;
   const image = el("img", { alt: `${photograph.name} straightened` });
   const after = el("div", { class: "after" }, image);
-  const former = straightShown.startsWith(base) ? straightShown : null;
-  if (former) image.src = former;
-  const fresh = new Image();
-  fresh.addEventListener("load", () => {
-    image.src = straightShown = fresh.src;
-    frame.classList.add("ready");
-  });
-  fresh.src = address;
+  image.addEventListener("load", () => frame.classList.add("ready"));
+  if (former.of === base) image.src = former.address;
+  const wanted = shown;
+  picture(`${base}/straight.jpg`).then(
+    (address) => {
+      if (wanted !== shown) { URL.revokeObjectURL(address); return; }
+      image.src = address;
+      URL.revokeObjectURL(former.address);
+      former = { of: base, address };
+    },
+    () => {}, // a newer camera has taken this one's place, and its picture is on the way
+  );
   const slider = el("input", {
     type: "range", min: "0", max: "100", value: String(split), class: "split",
     "aria-label": "From straightened to as photographed",
