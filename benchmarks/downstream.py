@@ -245,7 +245,7 @@ def main(names):
         for i, title in enumerate(titles):
             errors = {model: result[i] for model, result in results.items()}
             ratio = errors["ours"] / np.nanmin([errors[model] for model in MODELS])
-            print(f"| {name} | {title} | {' | '.join(f'{e:.3g}' for e in errors.values())} | {ratio:.2g} |", flush=True)
+            print(f"| {name} | {title} | {' | '.join(f'{float(f"{e:.3g}"):g}' for e in errors.values())} | {ratio:.2g} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
-"""The how-to pages: their Python runs as it stands there, on rendered photographs, and finds the truth."""
+"""The how-to and use pages: their Python runs as it stands there, on rendered photographs, and finds the truth."""
 
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -12,10 +15,12 @@ from scipy.spatial.transform import Rotation
 from pinholify.board import lattice
 from pinholify.geometry import Pose
 from pinholify.io.camera_file import write_camera
+from pinholify.io.export.base import export_view
 from pinholify.io.images import write_image
 from pinholify.io.importing.adoption import adopt
 from pinholify.io.importing.base import ForeignCamera
 from pinholify.points import undistort_points
+from pinholify.rectification.straightener import Straightener
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
 from pinholify.simulation.scene import CheckerboardTexture, Plane, Scene, cloudy
@@ -107,6 +112,65 @@ def test_stereo(camera, tmp_path, monkeypatch):
     truth = SQUARE * (poses[0].apply(lattice(BOARD)) @ (found["R1"] @ turn).T)[:, 2]
     assert known.mean() > 0.5
     assert np.median(np.abs(depth[known] / truth[known] - 1.0)) < 0.03
+
+
+@pytest.fixture(scope="module")
+def picture():
+    """A photograph of the small camera, with corners to find."""
+    scene = Scene((Plane(board_pose(8.0, [10.0, 20.0, 0.0]), CheckerboardTexture(BOARD)),), cloudy(0.45, seed=1))
+    return photograph(render(pixel_rays(LENS), scene, samples=13), Sensor(), 0)
+
+
+def test_opencv(camera, picture, tmp_path, monkeypatch):
+    ours = camera.calibration.camera
+    write_camera(tmp_path / "camera.npz", camera.calibration)
+    write_image(tmp_path / "photo.png", picture)
+    export_view(ours, "opencv", tmp_path / "camera.yaml")
+    found = run("use-opencv.md", tmp_path, monkeypatch)
+    np.testing.assert_allclose(found["cameraMatrix"], found["view"].matrix, rtol=1e-12)
+    straight = Straightener(ours)(picture)
+    inner = straight > 0
+    difference = np.abs(found["straight"][..., 0].astype(int) - straight)[inner]
+    assert np.quantile(difference, 0.99) <= 1  # of 255: the maps are the same, read back from text
+    expected = found["view"].project(ours.to_rays(found["corners"][:, 0].astype(float)).directions)
+    np.testing.assert_allclose(found["ideal"][:, 0], expected, atol=1e-6)
+
+
+def test_ros(camera, picture, tmp_path, monkeypatch):
+    write_camera(tmp_path / "camera.npz", camera.calibration)
+    found = run("use-ros.md", tmp_path, monkeypatch)
+    straight = Straightener(camera.calibration.camera)(picture)
+    difference = np.abs(found["on_image"](picture).astype(int) - straight)
+    assert np.quantile(difference, 0.99) <= 6  # of 255, at hard edges: fixed-point maps hold 1/32 px
+
+
+def test_colmap(camera, tmp_path, monkeypatch):
+    pytest.importorskip("pycolmap")
+    write_camera(tmp_path / "camera.npz", camera.calibration)
+    found = run("use-colmap.md", tmp_path, monkeypatch)
+    turned = np.array([[0.1, 0.2, 1.0]]) @ found["view"].rotation
+    np.testing.assert_allclose(found["pixels"], found["view"].project(turned), atol=1e-9)
+
+
+def test_pytorch(camera, picture, tmp_path):
+    """Run by the system's Python where torch is not installed in ours (Debian: python3-torch)."""
+    python = next((p for p in (sys.executable, "/usr/bin/python3") if has_torch(p)), None)
+    if python is None:
+        pytest.skip("torch is not installed (Debian: python3-torch)")
+    export_view(camera.calibration.camera, "npy", tmp_path / "map.npy")
+    np.save(tmp_path / "in.npy", picture.astype(np.float32)[None, None])
+    ending = "np.save('out.npy', straighten(torch.from_numpy(np.load('in.npy'))).numpy())\n"
+    subprocess.run([python, "-c", python_of("use-pytorch.md") + ending], cwd=tmp_path, check=True)
+    straight = Straightener(camera.calibration.camera)(picture).astype(float)
+    difference = np.abs(np.clip(np.load(tmp_path / "out.npy")[0, 0], 0, 255) - straight)
+    inner = cv2.erode((straight > 0).astype(np.uint8), np.ones((7, 7)), borderValue=0) > 0
+    assert inner.mean() > 0.6
+    assert np.quantile(difference[inner], 0.99) < 3.0  # of 255: OpenCV rounds to 1/32 px; half a pixel would give 40
+
+
+def has_torch(python):
+    command = [python, "-c", "import torch"]
+    return Path(python).exists() and subprocess.run(command, capture_output=True).returncode == 0
 
 
 def in_right(pose):

@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 import pytest
 from foreign_files import CORE, DISTORTION, FILES, KALIBR, MRCAL, OPENCV, ROS, SIZE
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pinholify.board import Checkerboard
 from pinholify.errors import CalibrationError, CameraFileError
@@ -49,9 +51,10 @@ def test_every_program(imported, name):
     assert adopted.covered == pytest.approx(1.0)
     assert adopted.largest_px < 1e-3
     # The virtual plane is theirs: an ideal pinhole image with their centre, in px.
-    undistorted = cv2.undistortPoints(PIXELS, MATRIX, distortion, criteria=(3, 100, 1e-12))[:, 0]
-    ideal = undistorted * camera.intrinsics.f + CORE[2:]
-    assert np.abs(camera.virtual_points(PIXELS) - ideal).max() < 0.01
+    ideal = (camera.virtual_points(PIXELS) - CORE[2:]) / camera.intrinsics.f
+    solid = np.column_stack([ideal, np.ones(len(ideal))])
+    seen = cv2.projectPoints(solid, np.zeros(3), np.zeros(3), MATRIX, distortion)[0][:, 0]
+    assert np.abs(seen - PIXELS).max() < TOLERANCE
 
 
 def test_the_std_is_that_of_the_fit(imported):
@@ -274,3 +277,25 @@ def test_cameras_that_see_nothing_or_wildly_are_refused():
 
     with pytest.raises(CalibrationError, match="changes too abruptly to be repeated"):
         adopt(foreign(jumps))
+
+
+@settings(max_examples=120, deadline=None)
+@given(
+    name=st.sampled_from(sorted(FILES)),
+    cuts=st.lists(st.tuples(st.integers(0, 1500), st.integers(0, 12)), min_size=1, max_size=4),
+    filling=st.text("0123456789.eE+-[]{}:,'\"<>/!# \nabn", max_size=8),
+)
+def test_damaged_files_are_read_or_refused_and_nothing_else(name, cuts, filling, tmp_path_factory):
+    """Whatever bytes are lost or put in: a camera, or an error with one sentence."""
+    text = FILES[name]
+    for place, length in cuts:
+        text = text[:place] + filling + text[place + length :]
+    path = tmp_path_factory.getbasetemp() / "damaged"
+    path.write_text(text, encoding="utf-8")
+    sentence, seen = "", np.empty((0, 2))
+    try:
+        seen = read_foreign(path, fisheye=False, image_size=SIZE).project(np.array([[0.1, 0.2, 1.0]]))
+    except CameraFileError as error:
+        sentence = str(error)
+    assert seen.shape == (1, 2) or sentence
+    assert "\n" not in sentence
