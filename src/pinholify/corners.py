@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,13 +71,15 @@ def not_found(name: str, reason: str) -> Corners:
 class CornerSet:
     """All views of one board by one camera.
 
-    ``image_size`` is (width, height) in px. Raises InputError on ids that the board does not have and on two views of
-    one name.
+    ``image_size`` is (width, height) in px. ``centred`` says of a circle grid that the corners are the images of the
+    discs' centres, and no longer the centroids of the discs' images. Raises InputError on ids that the board does not
+    have and on two views of one name.
     """
 
     board: Board
     image_size: tuple[int, int]
     views: tuple[Corners, ...] = field(default=())
+    centred: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "views", tuple(self.views))
@@ -99,4 +101,4 @@ class CornerSet:
 
     def with_views(self, views: Iterable[Corners]) -> CornerSet:
         """The same board and image size with other ``views``."""
-        return CornerSet(self.board, self.image_size, tuple(views))
+        return replace(self, views=tuple(views))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from pinholify.board import lattice
+from pinholify.calibration.circles import local_centres, needs_centres, true_centres
 from pinholify.calibration.condensing import condensed
 from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_view
 from pinholify.calibration.result import Calibration
@@ -17,6 +19,8 @@ from pinholify.refinement import JointResult, refine
 METHODS = ("auto", "joint", "one-image")
 FEWEST_FOR_JOINT = 4
 MOST_FOR_JOINT = 12_000  # corners of all boards; denser ones are condensed, not to take minutes
+
+CENTRINGS = 2  # the first camera, from centroids, errs by a little of what it corrects
 
 Progress = Callable[[str], None]
 
@@ -38,8 +42,39 @@ def calibrate(
     ``one-image`` (the paper's: that board alone makes the map), ``joint`` (all boards do), or ``auto``: joint from four
     boards on. ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp` and
     :mod:`pinholify.refinement`. ``mirrored`` says that the image is a reflection, ``square_mm`` the side of a square.
-    ``progress`` hears a line a stage. Raises InputError, CalibrationError or DegenerateError.
+    ``progress`` hears a line a stage. A circle grid's discs are centred once a first camera is known, and a second one
+    made from their centres, and once more. Raises InputError, CalibrationError or DegenerateError.
     """
+    make = partial(
+        _calibrate,
+        reference=reference,
+        method=method,
+        kernel=kernel,
+        trend=trend,
+        mirrored=mirrored,
+        square_mm=square_mm,
+        progress=progress,
+    )
+    if not needs_centres(corner_set):
+        return make(corner_set)
+    calibration = make(local_centres(corner_set))
+    for _ in range(CENTRINGS):
+        calibration = make(true_centres(corner_set, calibration.camera))
+    return calibration
+
+
+def _calibrate(
+    corner_set: CornerSet,
+    *,
+    reference: str | None,
+    method: str,
+    kernel: str,
+    trend: str,
+    mirrored: bool,
+    square_mm: float | None,
+    progress: Progress | None,
+) -> Calibration:
+    """:func:`calibrate` on corners that are points."""
     if method not in METHODS:
         raise InputError(f"'{method}' is no method; the methods are: {', '.join(METHODS)}")
     if method == "auto":

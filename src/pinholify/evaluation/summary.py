@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pinholify.calibration.circles import centred
 from pinholify.calibration.observation import MappedBoard, ObservedBoard, observe
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
@@ -105,6 +106,7 @@ def evaluate(
     kfold: bool = False,
 ) -> Evaluation:
     """Score ``calibration`` on ``corner_set``; held-out errors need ``recalibrate``."""
+    corner_set = centred(corner_set, calibration)
     mapped, observed = observe(calibration.camera, corner_set, calibration.solid)
     if not observed:
         reasons = sorted({b.reason for b in mapped if b.corners}) or ["no board was found"]

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 import pinholify
-from pinholify.board import Board, parse_board
+from pinholify.board import Board, CircleGrid, parse_board
 from pinholify.calibration.result import Calibration
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CameraFileError, PinholifyError
@@ -227,7 +227,7 @@ def _decode_corners(value: dict[str, Any], arrays: dict[str, Any]) -> CornerSet:
     width, height = (int(n) for n in value["image_size"])
     parts = zip(value["views"], _split(value, arrays), strict=True)
     views = tuple(Corners(ids=i, uv=u, weights=w, **texts) for texts, (i, u, w) in parts)
-    return CornerSet(board, (width, height), views)
+    return CornerSet(board, (width, height), views, centred=isinstance(board, CircleGrid))  # as calibrations have them
 
 
 def _split(value: dict[str, Any], arrays: dict[str, Any]) -> Iterator[tuple[Any, Any, Any]]:

@@ -1,0 +1,128 @@
+"""Circle grids: from the centroids that an image shows to the images of the discs' centres.
+
+Neither perspective nor a lens takes the centre of a disc to the centroid of the disc's image; the difference grows
+with the square of the disc's diameter and can reach pixels. The first correction comes from the bending of the
+lattice in the image alone; once a camera is known, the difference is predicted from the board's pose instead. (Heikkilä, *Geometric camera calibration using circular control points*, 2000, for
+perspective; here the camera maps the outline itself, whatever its lens.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pinholify.arrays import Floats
+from pinholify.board import CircleGrid
+from pinholify.calibration.observation import MINIMUM_CORNERS, estimate_pose, sighting_of
+from pinholify.calibration.result import Calibration, flat
+from pinholify.camera import VirtualCamera
+from pinholify.corners import Corners, CornerSet
+
+NEIGHBOURS = 13
+"""Points, a disc's own included, whose quadratic tells how the lattice bends there."""
+
+OUTLINE = 32
+"""Points on the outline of a disc."""
+
+ROUNDS = 2
+"""A pose from centroids is itself a little off; the next round's is from centres."""
+
+SAME = 0.1
+"""px. Corners of one name that differ by less than this were seen in the same photograph."""
+
+
+def centred(corner_set: CornerSet, calibration: Calibration) -> CornerSet:
+    """``corner_set`` with true centres, as ``calibration``'s camera sees them.
+
+    Photographs that the calibration was made from keep the corners it has of them. Corners of other boards than circle
+    grids, and centres already corrected, stay as they are.
+    """
+    if not needs_centres(corner_set):
+        return corner_set
+    known = {view.name: view for view in calibration.corner_set.found}
+    moved = true_centres(corner_set, calibration.camera)
+    return replace(moved, views=tuple(_known(view, known.get(view.name)) for view in moved.views))
+
+
+def needs_centres(corner_set: CornerSet) -> bool:
+    """Whether the corners are centroids of discs, and not yet their centres."""
+    return isinstance(corner_set.board, CircleGrid) and not corner_set.centred
+
+
+def local_centres(corner_set: CornerSet) -> CornerSet:
+    """The centroids of a circle grid's discs moved to where their neighbours say that the discs' centres are.
+
+    With the lattice's map to the image u(x), of Jacobian J, the centroid of a disc of radius r is, to second order,
+    u + r²/8 ∇²u + r²/4 J ∇log det J; the derivatives are those of a quadratic through the nearest points.
+    """
+    board = corner_set.board
+    if not isinstance(board, CircleGrid):
+        return corner_set
+    views = tuple(_moved_by_neighbours(view, board) for view in corner_set.views)
+    return replace(corner_set, views=views, centred=True)
+
+
+def true_centres(corner_set: CornerSet, camera: VirtualCamera) -> CornerSet:
+    """The centroids of a circle grid's discs moved to where ``camera`` images the discs' centres."""
+    board = corner_set.board
+    if not isinstance(board, CircleGrid):
+        return corner_set
+    views = tuple(_moved(view, board, camera) for view in corner_set.views)
+    return replace(corner_set, views=views, centred=True)
+
+
+def _known(view: Corners, known: Corners | None) -> Corners:
+    if known is None or not np.array_equal(view.ids, known.ids) or np.abs(view.uv - known.uv).max() > SAME:
+        return view
+    return known
+
+
+def _moved_by_neighbours(view: Corners, board: CircleGrid) -> Corners:
+    if len(view) < NEIGHBOURS:
+        return view
+    lattice = view.lattice(board)
+    near = cKDTree(lattice).query(lattice, k=NEIGHBOURS)[1]
+    x, y = (lattice[near] - lattice[:, None]).transpose(2, 0, 1)
+    design = np.stack([np.ones_like(x), x, y, x * x / 2.0, x * y, y * y / 2.0], axis=2)
+    fit = np.linalg.pinv(design) @ view.uv[near]  # (n, 6, 2): u, its two first and its three second derivatives
+    jacobian, hessian = fit[:, 1:3].transpose(0, 2, 1), fit[:, [3, 4, 4, 5]].reshape(-1, 2, 2, 2)
+    bending = hessian[:, 0, 0] + hessian[:, 1, 1]
+    # ∂ log det J/∂x_i = trace(J⁻¹ ∂J/∂x_i)
+    growth = np.einsum("njk,nijk->ni", np.linalg.pinv(jacobian), hessian)
+    shift = bending / 8.0 + (jacobian @ growth[:, :, None])[:, :, 0] / 4.0
+    return replace(view, uv=view.uv - (board.diameter / 2.0) ** 2 * shift)
+
+
+def _moved(view: Corners, board: CircleGrid, camera: VirtualCamera) -> Corners:
+    """``view`` with centres in place of centroids; a board whose pose the camera cannot tell stays as it is."""
+    lattice, uv = view.lattice(board), view.uv
+    for _ in range(ROUNDS):
+        inside = camera.inside(uv) if len(uv) else np.zeros(0, dtype=bool)
+        if inside.sum() < MINIMUM_CORNERS:
+            return view
+        pose, _ = estimate_pose(camera, sighting_of(camera, flat(lattice[inside]), uv[inside]))
+        centre, centroid = (
+            camera.project(pose.apply(flat(points.reshape(-1, 2)))).reshape(len(uv), -1, 2)
+            for points in (lattice, _outlines(lattice, board.diameter))
+        )
+        shift = centre[:, 0] - polygon_centroids(centroid)
+        uv = view.uv + np.where(np.isfinite(shift), shift, 0.0)
+    return replace(view, uv=uv)
+
+
+def _outlines(centres: Floats, diameter: float) -> Floats:
+    """(n, OUTLINE, 2) points on circles about ``centres`` (n, 2)."""
+    angle = np.arange(OUTLINE) * (2 * np.pi / OUTLINE)
+    return np.asarray(centres[:, None] + diameter / 2.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+
+def polygon_centroids(polygons: Floats) -> Floats:
+    """Centroids (n, 2) of the areas inside ``polygons`` (n, k, 2)."""
+    middle = polygons.mean(axis=1, keepdims=True)
+    start = polygons - middle
+    end = np.roll(start, -1, axis=1)
+    area = start[:, :, 0] * end[:, :, 1] - start[:, :, 1] * end[:, :, 0]
+    moment = ((start + end) * area[:, :, None]).sum(axis=1)
+    return np.asarray(middle[:, 0] + moment / (3.0 * area.sum(axis=1))[:, None])
