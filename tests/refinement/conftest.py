@@ -38,7 +38,17 @@ def wavy(xyz: Floats) -> Floats:
     return uv + np.column_stack([np.sin(uv[:, 0] / 61.0 + 0.3) * np.cos(uv[:, 1] / 83.0), np.sin(uv[:, 1] / 71.0)])
 
 
+def decentred(xyz: Floats) -> Floats:
+    """Brown's lens with two radial terms, decentred."""
+    x, y = xyz[:, :2].T / xyz[:, 2]
+    r2 = x**2 + y**2
+    gain, p1, p2 = 1.0 - 0.2 * r2 + 0.05 * r2**2, 0.004, -0.003
+    bent = [x * gain + 2 * p1 * x * y + p2 * (r2 + 2 * x**2), y * gain + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y]
+    return FOCAL * np.column_stack(bent) + [401.0, 297.0]
+
+
 LENSES: dict[str, Project] = {"pinhole": pinhole, "fisheye": fisheye, "wavy": wavy}
+PROJECTS = {**LENSES, "decentred": decentred}
 
 
 @dataclass(frozen=True)
@@ -56,7 +66,7 @@ def make_scene(
     name: str, *, views: int = 14, noise: float = 0.1, seed: int = 0, bow: float = 0.0, stretch: float = 0.0
 ) -> Scene:
     rng = np.random.default_rng(seed)
-    project = LENSES[name]
+    project = PROJECTS[name]
     points = np.column_stack([lattice(BOARD), np.zeros(BOARD.columns * BOARD.rows)])
     middle = points.mean(axis=0)
     xi = (points - middle)[:, :2] / middle[:2]

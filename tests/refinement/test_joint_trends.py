@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +10,7 @@ from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 from pinholify.refinement.trends.radial import Radial, tangent_law
 
 TRENDS = [trend for build in FAMILIES.values() for search in build(3) for trend in search.within]
+TRENDS += sorted({t.around().general for t in TRENDS if isinstance(t, LensTrend)}, key=lambda trend: trend.name)
 HALF = np.array([0.8, 0.6])
 
 
@@ -41,18 +43,30 @@ def test_jacobians(trend: Trend) -> None:
 @pytest.mark.parametrize("build", FAMILIES.values(), ids=FAMILIES.keys())
 def test_a_smaller_trend_is_the_general_one_with_the_others_at_zero(build) -> None:
     for search in build(None):
-        for trend in search.within:
-            beta, w, _ = example(trend)
-            kept = search.general.kept(trend)
-            padded = np.zeros(len(search.general.prior_std))
-            padded[kept] = beta
-            np.testing.assert_allclose(search.general.ray(padded, w), trend.ray(beta, w), atol=1e-13)
-            np.testing.assert_array_equal(search.general.prior_std[kept], trend.prior_std)
+        for general, within in ((s.general, s.within) for s in (search, search.within[0].around())):
+            for trend in within:
+                beta, w, _ = example(trend)
+                kept = general.kept(trend)
+                padded = np.zeros(len(general.prior_std))
+                padded[kept] = beta
+                np.testing.assert_allclose(general.ray(padded, w), trend.ray(beta, w), atol=1e-13)
+                np.testing.assert_array_equal(general.prior_std[kept], trend.prior_std)
 
 
 def test_names_are_unique() -> None:
     names = [trend.name for stage in searches_named("auto") for search in stage for trend in search.within]
     assert len(names) == len(set(names))
+
+
+def test_decentring_and_prism_are_opencvs() -> None:
+    """OpenCV's p₁ belongs to y and its p₂ to x; s₁ and s₃ are a prism's."""
+    radial = Radial(0.0, 0.0, np.array([-0.2, 0.05]), np.array([-0.003, 0.004]), np.array([0.002, -0.001]))
+    d = np.random.default_rng(0).uniform(-0.7, 0.7, (30, 2))
+    xyz = np.column_stack([d, np.ones(30)])
+    distortion = np.array([-0.2, 0.05, 0.004, -0.003, 0, 0, 0, 0, 0.002, 0, -0.001, 0])
+    seen, _ = cv2.projectPoints(xyz, np.zeros(3), np.zeros(3), np.eye(3), distortion)
+    np.testing.assert_allclose(radial.value(d), seen[:, 0], atol=1e-12)
+    np.testing.assert_allclose(radial.inverse(seen[:, 0]), d, atol=1e-12)
 
 
 @given(st.floats(-3.0, 2.0), st.floats(0.0, 1.0))
@@ -84,12 +98,12 @@ def test_tangent_law_and_its_slope(kappa: float, r: float) -> None:
 def test_tangent_law_in_angles_is_perspective_and_stereographic() -> None:
     theta = np.linspace(0.0, 1.2, 20)
     for kappa, radius in ((1.0, np.tan(theta)), (0.25, 2.0 * np.tan(theta / 2.0))):
-        moved = Radial(0.0, kappa, np.empty(0)).value(np.column_stack([theta, 0 * theta]))
+        moved = Radial(0.0, kappa, np.empty(0), np.zeros(2), np.zeros(2)).value(np.column_stack([theta, 0 * theta]))
         np.testing.assert_allclose(moved[:, 0], radius, rtol=1e-12)
 
 
 def test_radial_inverse_ends_where_the_radius_turns_back() -> None:
-    radial = Radial(0.0, 0.0, np.array([-0.3]))  # r (1 − 0.3 r²) grows up to r = 1.054 and 0.703
+    radial = Radial(0.0, 0.0, np.array([-0.3]), np.zeros(2), np.zeros(2))  # r (1 − 0.3 r²) grows to 0.703
     inside, beyond = radial.inverse(np.array([[0.69, 0.0], [0.72, 0.0]]))
     assert np.isfinite(inside).all()
     assert np.isnan(beyond).all()

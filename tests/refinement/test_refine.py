@@ -98,6 +98,15 @@ def test_features_of_the_covariance(name: str, results: dict[str, JointResult]) 
         np.testing.assert_allclose(feature @ step, (a - b) / (2 * h), rtol=1e-5, atol=1e-6)
 
 
+def test_a_decentred_lens_is_known_as_such() -> None:
+    """Brown's model with two radial terms and decentring is found among all the others."""
+    scene = make_scene("decentred", views=20)
+    result = refine(scene.corners, reference="view00")
+    assert result.trend == "plane-d:2+p"
+    assert not result.kernel_px
+    assert covered_error(scene, result) < 0.1
+
+
 def test_residuals_stand_beside_the_corners(scenes: dict[str, Scene], results: dict[str, JointResult]) -> None:
     result, view = results["fisheye"], scenes["fisheye"].corners.views[4]
     predicted = result.camera.project(result.poses[view.name].apply(view.lattice(BOARD)))

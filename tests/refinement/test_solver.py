@@ -13,6 +13,7 @@ from pinholify.refinement.evidence import (
     linearised,
     maximise_evidence,
     posterior,
+    process_averaged,
     profile_noise,
 )
 from pinholify.refinement.model import Model, State, rotations_of
@@ -278,3 +279,19 @@ def test_shape_is_even_and_leaves_planes_to_the_poses() -> None:
     numeric = [(shape.points(eta + h, points) - shape.points(eta - h, points)) / 2e-6 for h in 1e-6 * np.eye(7)]
     np.testing.assert_allclose(shape.jacobian(points), np.stack(numeric, axis=2), atol=1e-8)
     assert [s.prior_std.size for s in shape.smaller()] == [7, 6, 1, 0]
+
+
+def test_averaging_the_process_leaves_the_evidence(scene: Scene) -> None:
+    model = small_model()
+    seen, (density, _) = flattened(scene), density_named("se")
+    state = disturbed(model, truth(scene, model))
+    at = model.predict(state, seen)
+    equations = eliminate(model.linearise(state, seen, at), at.residual, seen.weight**2, seen)
+    problem = linearised(equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision())
+    hyper = Hyperparameters(np.log([0.01, 0.4]), 3e-4)
+    precision = hyper.precision(density, problem.frequencies, problem.precision)
+    whole = posterior(problem, precision, hyper.noise)
+    averaged = process_averaged(problem, density, hyper)
+    found = posterior(averaged, averaged.precision, hyper.noise)
+    assert found.log_evidence == pytest.approx(whole.log_evidence, abs=1e-5)
+    np.testing.assert_allclose(found.delta, whole.delta[2 * len(problem.frequencies) :], rtol=1e-5, atol=1e-9)

@@ -8,8 +8,8 @@ solved in full.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from pinholify.refinement.evidence import (
     linearised,
     maximise_evidence,
     posterior,
+    process_averaged,
     profile_noise,
 )
 from pinholify.refinement.model import Model, State
@@ -150,14 +151,19 @@ def solve(setting: Setting, search: Search, known: Solution, seen: Observations)
     if solution is None:
         return None
     alone = linearise_with(setting, solution, no_basis(setting.half_size), seen)
-    plain = []
-    for trend in search.within:
-        part = alone.without(_removed(search.general, trend, alone))
-        candidate = _candidate(setting, trend, solution, part, profile_noise(part, solution.noise))
-        if candidate is not None:
-            plain.append(candidate)
-    plain.sort(key=lambda candidate: -candidate.score)
+    found = _without_process(setting, solution, alone, search.within, solution.noise)
+    plain = sorted(filter(None, found), key=lambda candidate: -candidate.score)
     return Solved(search.general, solution, tuple(plain)) if plain else None
+
+
+def _without_process(
+    setting: Setting, solution: Solution, alone: Linearised, trends: Iterable[Trend], noise: float
+) -> list[Candidate | None]:
+    found: list[Candidate | None] = []
+    for trend in trends:
+        part = alone.without(_removed(solution.model.trend, trend, alone))
+        found.append(_candidate(setting, trend, solution, part, profile_noise(part, noise)))
+    return found
 
 
 def _removed(general: Trend, trend: Trend, problem: Linearised) -> Bools:
@@ -222,31 +228,35 @@ def _strong_enough(hyperparameters: Hyperparameters) -> Hyperparameters | None:
 def _with_process(
     setting: Setting, solved: Solved, start: Hyperparameters | None, seen: Observations
 ) -> Candidate | None:
-    """The best trend of the search with the process, its order chosen with the hyperparameters of another search."""
+    """The best trend of the search with the process, chosen with the hyperparameters of another search."""
     whole = linearise_with(setting, solved.solution, sine_basis(setting.half_size, SCREENING_LENGTH_SCALE), seen)
-    leaders: dict[int, Trend] = {}
-    for plain in solved.plain:
-        leaders.setdefault(plain.trend.order, plain.trend)
-    problems = {trend: whole.without(_removed(solved.trend, trend, whole)) for trend in leaders.values()}
-
-    def fit(trend: Trend, start: Hyperparameters) -> Fit:
-        return maximise_evidence(
-            problems[trend],
-            setting.density,
-            start,
-            shortest=setting.shortest,
-            resolved=SCREENING_LENGTH_SCALE,
-            most=15,
-        )
-
-    start = start or fit(solved.plain[0].trend, _first_guess(setting, solved)).hyperparameters
-    best = max(problems, key=lambda trend: _evidence(setting, problems[trend], start))
-    return _candidate(setting, best, solved.solution, problems[best], fit(best, start))
+    start = start or _fitted(setting, whole, _first_guess(setting, solved)).hyperparameters
+    return _best_at(setting, solved.solution, whole, [plain.trend for plain in solved.plain], start)
 
 
-def _evidence(setting: Setting, problem: Linearised, at: Hyperparameters) -> float:
-    precision = at.precision(setting.density, problem.frequencies, problem.precision)
-    return posterior(problem, precision, at.noise).log_evidence
+def _best_at(
+    setting: Setting, solution: Solution, whole: Linearised, trends: Iterable[Trend], start: Hyperparameters
+) -> Candidate | None:
+    """The best of ``trends`` within ``whole`` at the hyperparameters ``start``, with its own; the process is on."""
+    general = solution.model.trend
+    averaged = process_averaged(whole, setting.density, start)
+
+    def evidence(trend: Trend) -> float:
+        part = averaged.without(_removed(general, trend, averaged))
+        return posterior(part, part.precision, start.noise).log_evidence
+
+    for trend in sorted(trends, key=lambda trend: -evidence(trend)):
+        problem = whole.without(_removed(general, trend, whole))
+        candidate = _candidate(setting, trend, solution, problem, _fitted(setting, problem, start))
+        if candidate is not None:
+            return candidate
+    return None
+
+
+def _fitted(setting: Setting, problem: Linearised, start: Hyperparameters) -> Fit:
+    return maximise_evidence(
+        problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE, most=15
+    )
 
 
 def contest(
@@ -257,7 +267,7 @@ def contest(
     Far from where it was linearised a trend's evidence is only rough, so each leader is solved for itself and
     compared with its neighbours anew.
     """
-    allowed = {trend for searches in stages for search in searches for trend in search.within}
+    orders = {trend.order for searches in stages for search in searches for trend in search.within}
     leaders: dict[int, Candidate] = {}
     for candidate in sorted(tried, key=lambda candidate: -candidate.score):
         leaders.setdefault(id(candidate.origin), candidate)
@@ -267,35 +277,22 @@ def contest(
         if leader.score > ranked[0].score - WINDOW:
             close.setdefault(leader.trend.around(), leader)
     some = list(close.values())[:CONTENDERS]
-    finalists = [found for leader in some if (found := _closer(setting, leader, allowed, seen)) is not None]
+    finalists = [found for leader in some if (found := _closer(setting, leader, orders, seen)) is not None]
     return sorted(finalists, key=lambda candidate: -candidate.score)
 
 
 def _closer(
-    setting: Setting, leader: Candidate, allowed: Container[Trend], seen: Observations
+    setting: Setting, leader: Candidate, orders: Container[int], seen: Observations
 ) -> Candidate | None:
     """The best trend around ``leader``, linearised where that is solved."""
     search = leader.trend.around()
     solution = solve_trend(setting, search.general, leader.origin, seen)
     if solution is None:
         return None
-    hyper = leader.hyperparameters
-    basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if len(hyper.kernel) else no_basis(setting.half_size)
-    whole = linearise_with(setting, solution, basis, seen)
-    found = []
-    for trend in filter(allowed.__contains__, search.within):
-        problem = whole.without(_removed(search.general, trend, whole))
-        candidate = _candidate(setting, trend, solution, problem, Fit(hyper, _evidence(setting, problem, hyper)))
-        if candidate is not None:
-            found.append(candidate)
-    if not found:
-        return None
-    best = max(found, key=lambda candidate: candidate.score)
-    fit = (
-        profile_noise(best.problem, hyper.noise)
-        if not len(hyper.kernel)
-        else maximise_evidence(
-            best.problem, setting.density, hyper, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE
-        )
-    )
-    return replace(best, hyperparameters=fit.hyperparameters, log_evidence=fit.log_evidence)
+    trends = [trend for trend in search.within if trend.order in orders]
+    alone = linearise_with(setting, solution, no_basis(setting.half_size), seen)
+    found = _without_process(setting, solution, alone, trends, leader.hyperparameters.noise)
+    if len(leader.hyperparameters.kernel):
+        whole = linearise_with(setting, solution, sine_basis(setting.half_size, SCREENING_LENGTH_SCALE), seen)
+        found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters))
+    return max(filter(None, found), key=lambda candidate: candidate.score, default=None)

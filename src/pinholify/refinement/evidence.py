@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve
+from scipy.linalg import cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri
 from scipy.optimize import minimize
 
@@ -82,6 +82,32 @@ def linearised(
         theta,
         frequencies,
         precision,
+    )
+
+
+def process_averaged(at: Linearised, density: LogDensity, hyperparameters: Hyperparameters) -> Linearised:
+    """``at`` with the process's weights integrated out: the same evidence at the noise of ``hyperparameters``."""
+    m, noise = 2 * len(at.frequencies), hyperparameters.noise
+    precision = hyperparameters.precision(density, at.frequencies, at.precision)[:m]
+    root = precision**-0.5 / noise
+    scaled = at.matrix[:m, :m] * root * root[:, None]
+    scaled[np.diag_indices(m)] += 1.0
+    cholesky = np.linalg.cholesky(scaled)
+    weights = at.theta[:m]
+    right = at.right + at.matrix[:, :m] @ weights  # as if linearised where they are zero
+    misfit = at.misfit + float((at.right[:m] + right[:m]) @ weights)
+    sides = solve_triangular(cholesky, root[:, None] * np.column_stack([at.matrix[:m, m:], right[:m]]), lower=True)
+    cross, pull = sides[:, :-1], sides[:, -1]
+    return Linearised(
+        at.matrix[m:, m:] - cross.T @ cross,
+        right[m:] - cross.T @ pull,
+        misfit - float(pull @ pull),
+        at.log_det_poses + 2.0 * float(np.log(np.diag(cholesky)).sum()),
+        at.rows,
+        at.boards,
+        at.theta[m:],
+        at.frequencies[:0],
+        at.precision,
     )
 
 

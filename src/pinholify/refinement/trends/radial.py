@@ -1,6 +1,7 @@
 """Lens-like trends: radial about a free centre, on the plane or in angles.
 
-With R(d) = d T(κ r²) (1 + k₁ r² + … + k_n r²ⁿ), r² = d_u²/ρ + ρ d_v², two directions of the same idea:
+With R(d) = d T(κ r²) (1 + k₁ r² + … + k_n r²ⁿ) + 2 (p·d) d + |d|² (p + q), r² = d_u²/ρ + ρ d_v², two directions of
+the same idea:
 
 - undistorting: c = A R(w − w₀) + b, what an effect on the image needs, exact for none and good for all;
 - distorting: w = w₀ + R(A (c − b)), the way of Brown's and of Kannala and Brandt's models.
@@ -8,11 +9,14 @@ With R(d) = d T(κ r²) (1 + k₁ r² + … + k_n r²ⁿ), r² = d_u²/ρ + ρ d
 T(z) = tan(√z)/√z, continued by tanh(√−z)/√−z, is the radial law of one number that is exact for perspective
 and stereographic lenses in angles, and for the field-of-view model (Devernay & Faugeras 2001) on the plane.
 
+p is Brown's decentring (1966), of elements that do not share an axis, and q a thin prism; to first order q = −p is a
+sensor that is tilted against the lens.
+
 A = a (1 + s₁, s₂; s₂, 1 − s₁) is symmetric: its antisymmetric part is a roll of the camera, which the boards'
 poses hold already. In angles b = 0 for the same reason; on the plane b is the distortion centre's distance
 from the perpendicular axis, which a sensor has that is tilted against its lens. Most cameras have square
-pixels (s = 0), round lenses (ρ = 1), no tilt, and no need of κ: the evidence may say so, and every number
-less is a better-known camera.
+pixels (s = 0), round and centred lenses (ρ = 1, p = q = 0), no tilt, and no need of κ: the evidence may say so, and
+every number less is a better-known camera.
 """
 
 from __future__ import annotations
@@ -33,10 +37,12 @@ OFFSET_STD = 0.5
 LOG_RATIO_STD = 0.5
 TANGENT_STD = 1.0
 RADIAL_STD = 1.0
+BEND_STD = 0.03  # of p and q
 SERIES = 1e-3  # |z| below which T is its series
 POLE = (np.pi / 2) ** 2
 TABLE = np.linspace(0.0, 4.0, 401)  # radii of the table from which the radial inverse starts
 NEWTON_STEPS = 3
+BEND_STEPS, BEND_TOLERANCE = 10, 1e-13
 HIGHEST, HIGHEST_TANGENT = 6, 1  # radial coefficients
 
 
@@ -59,11 +65,13 @@ def tangent_law(kappa: float, r2: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Radial:
-    """R(d) with ``log_ratio`` log ρ, ``kappa`` κ and coefficients ``k`` (n,)."""
+    """R(d) with ``log_ratio`` log ρ, ``kappa`` κ, coefficients ``k`` (n,), ``decentring`` p and ``prism`` q, (2,)."""
 
     log_ratio: float
     kappa: float
     k: Floats
+    decentring: Floats
+    prism: Floats
 
     @property
     def axes(self) -> Floats:
@@ -92,23 +100,31 @@ class Radial:
 
     def value(self, d: Floats) -> Floats:
         """R(d), (n, 2)."""
-        return np.asarray(d * self.gain(d**2 @ self.axes)[:, None])
+        along = self.gain(d**2 @ self.axes) + 2.0 * (d @ self.decentring)
+        return np.asarray(d * along[:, None] + (d**2).sum(axis=1)[:, None] * (self.decentring + self.prism))
 
     def jacobian(self, d: Floats) -> Floats:
         """∂R/∂d, (n, 2, 2)."""
         r2 = d**2 @ self.axes
-        gain, slope = (g[:, None, None] for g in self.gain_and_slope(r2))
-        return np.asarray(gain * np.eye(2) + slope * d[:, :, None] * (2.0 * d * self.axes)[:, None, :])
+        gain, slope = self.gain_and_slope(r2)
+        along = gain + 2.0 * (d @ self.decentring)
+        by_along = 2.0 * (slope[:, None] * d * self.axes + self.decentring)
+        across = self.decentring + self.prism
+        bent = d[:, :, None] * by_along[:, None, :] + 2.0 * across[:, None] * d[:, None, :]
+        return np.asarray(along[:, None, None] * np.eye(2) + bent)
 
     def shape_jacobian(self, d: Floats) -> Floats:
-        """∂R/∂(log ρ, κ, k), (n, 2, 2 + n)."""
+        """∂R/∂(log ρ, κ, p, q, k), (n, 2, 6 + n)."""
         squares = d**2 * self.axes
         r2 = squares.sum(axis=1)
         law, law_slope = tangent_law(self.kappa, r2)
         by_ratio = self.gain_and_slope(r2)[1] * (squares[:, 1] - squares[:, 0])
         by_kappa = r2 * law_slope * self._polynomial(r2)[0]
         powers = law[:, None] * np.vander(r2, len(self.k) + 1, increasing=True)[:, 1:]
-        return np.asarray(d[:, :, None] * np.column_stack([by_ratio, by_kappa, powers])[:, None, :])
+        radial = d[:, :, None] * np.column_stack([by_ratio, by_kappa, powers])[:, None, :]
+        by_prism = (d**2).sum(axis=1)[:, None, None] * np.eye(2)
+        by_decentring = 2.0 * d[:, :, None] * d[:, None, :] + by_prism
+        return np.concatenate([radial[:, :, :2], by_decentring, by_prism, radial[:, :, 2:]], axis=2)
 
     def monotone_until(self) -> float:
         """The radius up to which r · gain(r²) grows, at most the table's last."""
@@ -118,6 +134,18 @@ class Radial:
 
     def inverse(self, m: Floats) -> Floats:
         """The d with R(d) = ``m`` (n, 2) on the branch around zero; nan beyond it."""
+        d = self._radial_inverse(m)
+        if not (self.decentring.any() or self.prism.any()):
+            return d
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for _ in range(BEND_STEPS):
+                error = m - self.value(d)
+                if not np.nanmax(np.abs(error), initial=0.0) > BEND_TOLERANCE:
+                    break
+                d = d + (inverse_2x2(self.jacobian(d)) @ error[:, :, None])[:, :, 0]
+            return np.where(np.abs(m - self.value(d)).max(axis=1, keepdims=True) < 1e-10, d, np.nan)
+
+    def _radial_inverse(self, m: Floats) -> Floats:
         target = np.sqrt(m**2 @ self.axes)
         last = np.searchsorted(TABLE, self.monotone_until(), side="right")
         radii = TABLE[: max(int(last), 2)]
@@ -159,7 +187,7 @@ class LensTrend:
     numbers.
 
     β = (a, s₁ s₂ where ``anisotropic``, w₀, b where ``tilted``, log ρ where ``elliptic``, κ where
-    ``tangent``, k₁ … k_n).
+    ``tangent``, p where ``decentred``, q where ``prismatic``, k₁ … k_n).
     """
 
     chart: RayChart
@@ -169,14 +197,16 @@ class LensTrend:
     tilted: bool = True
     elliptic: bool = True
     tangent: bool = True
+    decentred: bool = False
+    prismatic: bool = False
 
     @property
     def name(self) -> str:
-        """``plane:3`` with the letters of what it has: s for s₁ and s₂, b, r for ρ, t for κ, as in
+        """``plane:3`` with the letters of what it has: s for s₁ and s₂, b, r for ρ, t for κ, p, q, as in
         ``plane-d:2+rt``.
         """
-        flags = zip("sbrt", (self.anisotropic, self._has_offset, self.elliptic, self.tangent), strict=True)
-        letters = "".join(letter for letter, has in flags if has)
+        flags = (self.anisotropic, self._has_offset, self.elliptic, self.tangent, self.decentred, self.prismatic)
+        letters = "".join(letter for letter, has in zip("sbrtpq", flags, strict=True) if has)
         return f"{self.family}:{self.order}" + (f"+{letters}" if letters else "")
 
     @property
@@ -192,7 +222,8 @@ class LensTrend:
     def _free(self) -> Bools:
         """Which of the full family's parameters are β."""
         flags = [(True, 1), (self.anisotropic, 2), (True, 2), (self._has_offset, 2), (self.elliptic, 1)]
-        return np.repeat(*np.array([*flags, (self.tangent, 1), (True, self.order)]).T).astype(bool)
+        flags += [(self.tangent, 1), (self.decentred, 2), (self.prismatic, 2), (True, self.order)]
+        return np.repeat(*np.array(flags).T).astype(bool)
 
     def variants(self) -> Iterator[LensTrend]:
         """Itself and all with fewer of the other numbers, of the same order and radial law; no two say the
@@ -200,12 +231,14 @@ class LensTrend:
         """
         bent = self.tangent or self.order > 0
         anisotropic, tilted, elliptic = self.anisotropic, self._has_offset and bent, self.elliptic and bent
-        for s, b, r in product(*((True, False) if has else (False,) for has in (anisotropic, tilted, elliptic))):
-            yield replace(self, anisotropic=s, tilted=b, elliptic=r)
+        general = anisotropic, tilted, elliptic, self.decentred, self.prismatic
+        for s, b, r, p, q in product(*((True, False) if has else (False,) for has in general)):
+            if p or not q:  # nothing real has a prism alone
+                yield replace(self, anisotropic=s, tilted=b, elliptic=r, decentred=p, prismatic=q)
 
     def around(self) -> Search:
         """All that is as simple as this, or has more of the other numbers."""
-        general = replace(self, anisotropic=True, tilted=True, elliptic=True)
+        general = replace(self, anisotropic=True, tilted=True, elliptic=True, decentred=True, prismatic=True)
         orders = (self.order, self.order - 1) if self.order else (0,)
         return Search(general, tuple(v for n in orders for v in general.of_order(n).variants()))
 
@@ -228,7 +261,7 @@ class LensTrend:
     def prior_std(self) -> Floats:
         """Weak everywhere."""
         general = [MATRIX_STD, *[ANISOTROPY_STD] * 2, *[CENTRE_STD] * 2, *[OFFSET_STD] * 2, LOG_RATIO_STD, TANGENT_STD]
-        return np.array(general + [RADIAL_STD] * self.order)[self._free]
+        return np.array(general + [BEND_STD] * 4 + [RADIAL_STD] * self.order)[self._free]
 
     def parts(self, beta: Floats) -> Parts:
         """β (p,) taken apart."""
@@ -237,7 +270,8 @@ class LensTrend:
         full[free] = beta
         a, s1, s2 = full[:3]
         shape = np.array([[1.0 + s1, s2], [s2, 1.0 - s1]])
-        return Parts(a, shape, full[3:5], full[5:7], Radial(float(full[7]), float(full[8]), full[9:]))
+        radial = Radial(float(full[7]), float(full[8]), full[13:], full[9:11], full[11:13])
+        return Parts(a, shape, full[3:5], full[5:7], radial)
 
     def start(self, w: Floats, c: Floats) -> Floats:
         """A scaled identity by least squares, no distortion, the centre in the image's middle."""
