@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -61,6 +62,8 @@ def test_another_photograph_of_the_camera_is_framed_instead_of_a_boardless_one(e
     photographs = {"a0.png": folder / "a0.png", "street.png": folder / "street.png"}
     frames = read_pictures(evaluation.calibration, photographs, [other]).frames
     assert [frame.name for frame in frames] == ["a0.png", "other.png"]
+    shown = cv2.imdecode(np.frombuffer(frames[1].before.data, np.uint8), cv2.IMREAD_COLOR)
+    assert abs(float(shown.mean()) - 40000 / 256) < 2  # 16 bits are shown as 8
 
 
 def test_another_photograph_of_another_size_is_refused(evaluation, tmp_path):
