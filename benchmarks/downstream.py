@@ -234,6 +234,11 @@ def drawn(model, lens, content):
     return [np.nan] * 4 if None in results else [rms(each) for each in zip(*results, strict=True)]
 
 
+def short(number):
+    """Three digits, without an exponent."""
+    return f"{float(f'{number:.3g}'):g}"
+
+
 def main(names):
     print("| lens | measure | ours | OpenCV 5 | OpenCV 8 | OpenCV fisheye | ours ÷ best |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
@@ -245,7 +250,8 @@ def main(names):
         for i, title in enumerate(titles):
             errors = {model: result[i] for model, result in results.items()}
             ratio = errors["ours"] / np.nanmin([errors[model] for model in MODELS])
-            print(f"| {name} | {title} | {' | '.join(f'{float(f"{e:.3g}"):g}' for e in errors.values())} | {ratio:.2g} |", flush=True)
+            numbers = " | ".join(short(error) for error in errors.values())
+            print(f"| {name} | {title} | {numbers} | {ratio:.2g} |", flush=True)
 
 
 if __name__ == "__main__":
