@@ -76,6 +76,11 @@ def judged(page: Any) -> None:
     page.wait_for_selector("#activity", state="hidden")
 
 
+def count(page: Any, selector: str, number: int) -> None:
+    """Waits until there are ``number`` of ``selector``."""
+    api.expect(page.locator(selector)).to_have_count(number, timeout=2 * PATIENCE_MS)
+
+
 def focal(page: Any) -> float:
     return float(re.match(r"[\d.]+", page.text_content("#focal"))[0])
 
@@ -126,10 +131,9 @@ def test_a_reload_loses_nothing_and_a_photograph_can_be_left_out(open_page: Open
     assert page.locator(".tile").count() == 8
     page.locator(".tile input[type=checkbox]").nth(2).focus()
     page.keyboard.press("Space")
-    page.wait_for_function("before => document.querySelector('#focal').textContent !== before", arg=shown)
+    count(page, ".tile.out", 1)
+    count(page, ".columns .column", 7)
     judged(page)
-    assert page.locator(".tile.out").count() == 1
-    assert page.locator(".columns .column").count() == 7
     page.click("#all-sessions")
     page.wait_for_selector(".session")
     assert page.is_visible("#drop")
@@ -152,7 +156,7 @@ def test_the_live_camera_calibrates_without_another_click(open_page: Open, tmp_p
 def test_photographs_can_be_dropped(open_page: Open, photographs: list[Path]):
     page = open_page()
     drop(page, [(path.name, "image/png", path.read_bytes()) for path in photographs[1:4]])
-    page.wait_for_function("document.querySelectorAll('.tile .overlay').length === 3")
+    count(page, ".tile .overlay", 3)
     assert "9×6" in page.text_content("#board-pill")
 
 
@@ -176,8 +180,8 @@ def test_a_wrong_board_is_said_and_mended(open_page: Open, photographs: list[Pat
     page.set_input_files("#files", photographs[1:7])
     page.wait_for_selector(".verdict:has-text('These photographs show a board of 9×6 inner corners, not 7×5.')")
     page.click("text=Use 9×6")
+    count(page, ".tile .overlay", 6)
     judged(page)
-    assert page.locator(".tile .overlay").count() == 6
 
 
 def test_a_board_that_cannot_be_read_is_said_before_anything_is_sent(open_page: Open, photographs: list[Path]):
@@ -219,7 +223,7 @@ def test_the_page_works_on_a_phone_by_keyboard_and_by_name(open_page: Open, phot
 def test_real_photographs_of_a_wide_lens(open_page: Open, tmp_path: Path):
     page = open_page()
     page.set_input_files("#files", sorted(GOPRO.glob("*.jpg")))
-    page.wait_for_function("document.querySelectorAll('.tile').length === 37", timeout=3 * PATIENCE_MS)
+    count(page, ".tile:not(.arriving)", 37)
     judged(page)
     page.wait_for_selector(".frame.ready")
     assert "8×6" in page.text_content("#board-pill")

@@ -39,7 +39,8 @@ class Desk:
     wanted: bool = False
     solver: asyncio.Task[None] | None = None
     solve_job: asyncio.Task[Any] | None = None
-    other_job: asyncio.Task[None] | None = None
+    look_job: asyncio.Task[None] | None = None
+    video_job: asyncio.Task[None] | None = None
     report_job: asyncio.Task[Any] | None = None
 
     def tell(self, kind: str, **what: object) -> None:
@@ -68,7 +69,7 @@ class Desk:
 
     def tasks(self) -> list[asyncio.Task[Any]]:
         """Everything that runs."""
-        tasks = (self.solver, self.solve_job, self.other_job, self.report_job)
+        tasks = (self.solver, self.solve_job, self.look_job, self.video_job, self.report_job)
         return [task for task in tasks if task is not None and not task.done()]
 
 

@@ -86,18 +86,18 @@ class Intake:
     def add_video(self, session_id: str, arrived: Path, name: str) -> None:
         """Start to choose frames of the video that ``arrived``; raises TooMuch while another is under way."""
         desk = self.room.desk(session_id)
-        if desk.other_job is not None and not desk.other_job.done():
+        if desk.video_job is not None and not desk.video_job.done():
             self.room.forget(arrived)
             raise TooMuch("another video is being looked through; wait for it, or stop it first")
-        desk.other_job = asyncio.create_task(self._choose_frames(session_id, arrived, name))
+        desk.video_job = asyncio.create_task(self._choose_frames(session_id, arrived, name))
 
     def look_again(self, session_id: str, photograph_ids: list[str]) -> None:
         """Start to look at photographs once more, for another board."""
         desk = self.room.desk(session_id)
-        if desk.other_job is not None:
-            desk.other_job.cancel()
+        if desk.look_job is not None:
+            desk.look_job.cancel()
         if photograph_ids:
-            desk.other_job = asyncio.create_task(self._look_at_all(session_id, photograph_ids))
+            desk.look_job = asyncio.create_task(self._look_at_all(session_id, photograph_ids))
 
     # --- inside ---
 

@@ -6,6 +6,7 @@ import secrets
 import socket
 import webbrowser
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import uvicorn
@@ -41,5 +42,5 @@ def serve(folder: Path, host: str, port: int, *, browser: bool, announce: Callab
     announce(address)
     if browser:
         webbrowser.open(address)
-    with listener:
+    with listener, suppress(KeyboardInterrupt):
         uvicorn.Server(config).run(sockets=[listener])
