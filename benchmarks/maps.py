@@ -3,8 +3,8 @@
     python benchmarks/maps.py [--mrcal PYTHON] [--lensboy PYTHON] [LENS ...]
 
 LENS are those of the simulation, six of them unless named, at three times their resolution. Each is calibrated from
-noisy corners of 24 boards, and the inverse map of a 3840x2160 view is built: "cold" for a camera that has just been read
-from its file, nothing prepared, "warm" for one that has had another view before. Errors are the largest distance, px,
+noisy corners of 24 boards, and the inverse map of a 3840x2160 view is built: "cold" for a camera that was just read,
+nothing prepared, "warm" for one that has had another view before. Errors are the largest distance, px,
 from the exact inverse, over random pixels, the picture's four edges, and pixels where validity ends. Times are the best
 of several, on the wall. Threads are as many as OpenCV and NumPy's BLAS choose; OPENBLAS_NUM_THREADS=1 holds our matrix
 products to one.
@@ -168,7 +168,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--mrcal", metavar="PYTHON")
     parser.add_argument("--lensboy", metavar="PYTHON")
-    parser.add_argument("lenses", nargs="*", metavar="LENS", choices=LENSES, default=DEFAULT)
+    parser.add_argument("lenses", nargs="*", metavar="LENS", help=", ".join(LENSES), default=DEFAULT)
     options = parser.parse_args()
     peers = opencv_seconds()
     for name, python, program in (("mrcal", options.mrcal, MRCAL), ("lensboy", options.lensboy, LENSBOY)):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.arrays import Bools
+from pinholify.arrays import Bools, Ints
 from pinholify.camera import VirtualCamera
 from pinholify.expansion import expand
 from pinholify.rectification.trust import source_log_std, source_mask
@@ -70,19 +71,25 @@ def _within(planes: NDArray[np.float32], image_size: tuple[int, int]) -> Bools:
 class Sampler:
     """Takes images to a view: ``map1`` and ``map2`` are what ``cv2.remap`` wants of them.
 
-    Calling it costs no more than ``cv2.remap`` with the same maps.
+    ``rim`` (n, 256) are the places in the picture whose interpolation reaches beyond the image, ``rim_maps`` the maps
+    there. Calling it costs no more than ``cv2.remap`` with the same maps.
     """
 
     map1: NDArray[np.generic]
     map2: NDArray[np.generic]
+    rim: Ints
+    rim_maps: tuple[NDArray[np.generic], NDArray[np.generic]]
 
     def __call__(self, image: Image) -> Image:
         """``image`` (h, w[, c]) of any depth by cubic interpolation; black where nothing may be believed."""
         source = _supported(image)
         out = np.zeros((*self.map1.shape[:2], *image.shape[2:]), dtype=source.dtype)
-        # BORDER_TRANSPARENT leaves alone what points outside the image; at its edges the image is mirrored.
+        # BORDER_TRANSPARENT leaves alone what points outside the image. At its rim it would leave out neighbours.
         cv2.remap(source, self.map1, self.map2, cv2.INTER_CUBIC, dst=out, borderMode=cv2.BORDER_TRANSPARENT)
-        return out.astype(image.dtype, copy=False)
+        if len(self.rim):
+            rim = cv2.remap(source, *self.rim_maps, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            out.reshape(-1, *image.shape[2:])[self.rim] = rim.reshape(*self.rim.shape, *image.shape[2:])
+        return _of_type(out, image.dtype)
 
 
 def sampler(rectification: RectificationMap, image_size: tuple[int, int], *, fixed_point: bool = False) -> Sampler:
@@ -90,11 +97,17 @@ def sampler(rectification: RectificationMap, image_size: tuple[int, int], *, fix
 
     ``fixed_point`` maps hold 1/32 px and three quarters of the memory; OpenCV 4 rounds all others so itself.
     """
+    valid = rectification.valid
     planes = [
-        np.where(rectification.valid, np.clip(rectification.uv[:, :, k], 0, n - 1), np.float32(OUTSIDE))
+        np.where(valid, np.clip(rectification.uv[:, :, k], 0, n - 1), np.float32(OUTSIDE))
         for k, n in enumerate(image_size)
     ]
-    return Sampler(*(cv2.convertMaps(planes[0], planes[1], cv2.CV_16SC2) if fixed_point else planes))
+    maps = cv2.convertMaps(planes[0], planes[1], cv2.CV_16SC2) if fixed_point else planes
+    reach = [(plane < 1) | (plane >= n - 2) for plane, n in zip(planes, image_size, strict=True)]
+    places = np.flatnonzero((reach[0] | reach[1]) & valid)
+    rim = np.resize(places, (-(-len(places) // 256), 256))  # cv2.remap makes pictures, no lists: the last are repeated
+    rim_maps = [m.reshape(valid.size, *m.shape[2:])[rim] for m in maps]
+    return Sampler(maps[0], maps[1], rim, (rim_maps[0], rim_maps[1]))
 
 
 def remap(image: Image, rectification: RectificationMap) -> Image:
@@ -105,7 +118,9 @@ def remap(image: Image, rectification: RectificationMap) -> Image:
 def splat(image: Image, camera: VirtualCamera, view: View, *, max_std: float | None = None) -> Image:
     """The paper's way: every pixel forward to its rounded place, holes filled by the median of their neighbours."""
     width, height = view.size
-    to_view = expand(lambda uv: view.project(camera.to_rays(uv).directions), camera.image_size, tolerance=0.05)
+    to_view = expand(
+        lambda uv: view.project(camera.chart.directions(camera.plane_map.value(uv))), camera.image_size, tolerance=0.05
+    )
     known = np.isfinite(to_view).all(axis=0) & source_mask(camera, max_std)
     column, row = np.rint(np.clip(to_view[:, known], -1, 1 << 30)).astype(np.int64)
     inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
@@ -139,3 +154,10 @@ def _supported(image: Image) -> Image:
     """The image in a depth that OpenCV's remap knows; others go through float64."""
     known = image.dtype in (np.uint8, np.uint16, np.int16, np.float32, np.float64)
     return image if known else image.astype(np.float64)
+
+
+def _of_type(image: Image, dtype: np.dtype[Any]) -> Image:
+    """The image in the depth it had before :func:`_supported`, rounded where that holds integers."""
+    if image.dtype == dtype:
+        return image
+    return np.rint(image).astype(dtype) if np.issubdtype(dtype, np.integer) else image.astype(dtype)

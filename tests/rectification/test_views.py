@@ -1,0 +1,230 @@
+"""Views: what a pixel of each looks at, how wide they are, and that what is kept is what was asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pinholify.camera import Domain, VirtualCamera
+from pinholify.charts import AngleChart, Intrinsics
+from pinholify.errors import CalibrationError, InputError
+from pinholify.geometry import convex_hull
+from pinholify.rectification.maps import rectification_map, remap
+from pinholify.rectification.rectangle import largest_rectangle
+from pinholify.rectification.straightener import Straightener
+from pinholify.rectification.surfaces import Cylinder, Plane, Sphere
+from pinholify.rectification.views import CUBE, SURFACES, View, named_view
+
+SIZE = (640, 480)
+SCALE = 200.0  # px a radian: 183° across, 137° down
+MIDDLE = (np.array(SIZE) - 1) / 2.0
+CORNERS = np.array([[0.0, 0.0], [639, 0], [639, 479], [0, 479]])
+
+
+class EquidistantMap:
+    """An ideal fisheye whose axis is the frame's z: ray angles are pixels, and known to a tenth of a px everywhere."""
+
+    def value(self, uv):
+        return (uv - MIDDLE) / SCALE
+
+    def jacobian(self, uv):
+        return np.broadcast_to(np.eye(2) / SCALE, (len(uv), 2, 2))
+
+    def covariance_up_to_turn(self, uv):
+        std = 0.1 * (1.0 + np.linalg.norm(uv - MIDDLE, axis=1) / 100.0) / SCALE
+        return std[:, None, None] ** 2 * np.eye(2)
+
+    def inverse(self, q, start, reach):
+        return q * SCALE + MIDDLE
+
+
+@pytest.fixture(scope="module")
+def fisheye():
+    hull = Domain(convex_hull(CORNERS))
+    return VirtualCamera(EquidistantMap(), AngleChart(np.eye(3)), Intrinsics(9.0, 0.0, 0.0), hull, SIZE, 0.1)
+
+
+def directions_of(view, pixels):
+    d = view.directions(np.atleast_2d(np.asarray(pixels, dtype=float)))
+    return d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("surface", [Plane(), Cylinder(), Sphere()])
+@given(yaw=st.floats(-75, 75), pitch=st.floats(-60, 60))
+def test_coordinates_are_those_of_the_direction(surface, yaw, pitch):
+    a, b = np.deg2rad([yaw, pitch])
+    xyz = np.array([[np.sin(a) * np.cos(b), np.sin(b), np.cos(a) * np.cos(b)]])
+    back = surface.directions(surface.coordinates(3.0 * xyz))
+    np.testing.assert_allclose(back / np.linalg.norm(back), xyz, atol=1e-12)
+
+
+def test_each_surface_by_its_definition():
+    xyz = np.array([[1.0, 2.0, 1.0]])
+    np.testing.assert_allclose(Plane().coordinates(xyz), [[1.0, 2.0]])
+    np.testing.assert_allclose(Cylinder().coordinates(xyz), [[np.pi / 4, np.sqrt(2)]])
+    np.testing.assert_allclose(Sphere().coordinates(xyz), [[np.pi / 4, np.arctan(np.sqrt(2))]])
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_directions_and_pixels_are_inverse(fisheye, name):
+    view = named_view(fisheye, name, (300, 200), None, turn=(10.0, -5.0, 20.0), fov=100.0)
+    pixels = np.random.default_rng(0).uniform(0, [299, 199], (100, 2))
+    np.testing.assert_allclose(view.project(4.0 * directions_of(view, pixels)), pixels, atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "fov"), [("camera", 80.0), ("cylindrical", 180.0), ("equirectangular", 360.0)])
+def test_a_view_is_as_wide_as_was_asked(fisheye, name, fov):
+    view = named_view(fisheye, name, (300, 200), None, fov=fov)
+    left, right = directions_of(view, [[-0.499999, 99.5], [299.499999, 99.5]])
+    assert np.rad2deg(np.arctan2(right[0], right[2])) == pytest.approx(fov / 2, abs=1e-3)
+    assert np.rad2deg(np.arctan2(left[0], left[2])) == pytest.approx(-fov / 2, abs=1e-3)
+
+
+def test_a_full_equirectangular_picture_holds_every_direction_once(fisheye):
+    view = named_view(fisheye, "equirectangular", (400, 200), None, fov=360.0)
+    top, bottom = directions_of(view, [[100.0, -0.4999], [100.0, 199.4999]])
+    np.testing.assert_allclose([top[1], bottom[1]], [-1.0, 1.0], atol=1e-5)
+    beyond = view.directions(np.array([[-1.0, 50.0], [400.0, 50.0], [50.0, -1.0], [50.0, 200.0]]))
+    assert np.isnan(beyond).any(axis=1).all()
+
+
+@pytest.mark.parametrize(
+    ("turn", "ahead", "right"),
+    [
+        ((90.0, 0.0, 0.0), [1, 0, 0], [0, 0, -1]),
+        ((0.0, 90.0, 0.0), [0, -1, 0], [1, 0, 0]),
+        ((0.0, 0.0, 90.0), [0, 0, 1], [0, 1, 0]),
+        ((90.0, 90.0, 0.0), [0, -1, 0], [0, 0, -1]),
+    ],
+)
+def test_turns_go_right_up_and_clockwise(fisheye, turn, ahead, right):
+    rotation = named_view(fisheye, "camera", None, None, turn=turn, fov=60.0).rotation
+    np.testing.assert_allclose(rotation[[2, 0]], [ahead, right], atol=1e-12)
+
+
+def test_the_faces_of_a_cube_meet_at_their_edges(fisheye):
+    faces = {name: named_view(fisheye, name, (200, 200), None) for name in CUBE}
+
+    def meet(one, at, other, there):
+        ends = directions_of(faces[f"cube-{one}"], at), directions_of(faces[f"cube-{other}"], there)
+        np.testing.assert_allclose(*ends, atol=1e-12)
+
+    meet("front", [199.5, 30.0], "right", [-0.5, 30.0])
+    meet("right", [199.5, 30.0], "back", [-0.5, 30.0])
+    meet("back", [199.5, 30.0], "left", [-0.5, 30.0])
+    meet("front", [30.0, -0.5], "up", [30.0, 199.5])
+    meet("front", [30.0, 199.5], "down", [30.0, -0.5])
+
+
+def test_a_face_of_a_cube_is_as_fine_as_the_middle_of_the_image(fisheye):
+    assert named_view(fisheye, "cube-front", None, None).size == (400, 400)
+
+
+@pytest.mark.parametrize("name", ["cylindrical", "equirectangular"])
+def test_a_view_all_around_shows_the_whole_image_and_no_more(fisheye, name):
+    view = named_view(fisheye, name, (400, 300), None)
+    v, u = (grid.ravel() for grid in np.mgrid[0:480:20, 0:640:20])
+    directions = fisheye.chart.directions(fisheye.plane_map.value(np.column_stack([u, v]).astype(float)))
+    seen = view.project(directions[SURFACES[name].reaches(directions)])
+    assert (seen > -0.5).all()
+    assert (seen < np.array([400, 300]) - 0.5).all()
+    spread = (np.ptp(seen, axis=0) / [399, 299]).max()
+    assert spread > 0.95
+
+
+@pytest.mark.parametrize("name", ["camera", "cylindrical", "equirectangular"])
+@pytest.mark.parametrize("size", [(320, 200), (150, 300)])
+def test_only_valid_pixels_are_kept_and_as_many_as_there_are(fisheye, name, size):
+    narrow = named_view(fisheye, name, size, 0.3, keep="valid")
+    assert rectification_map(fisheye, narrow, max_std=0.3).valid.all()
+    grown = np.diag([0.95, 0.95, 1.0]) @ narrow.matrix
+    grown[:2, 2] += 0.05 * (np.array(size) - 1) / 2.0
+    wider = View(grown, narrow.rotation, size, narrow.surface)
+    assert not rectification_map(fisheye, wider, max_std=0.3).valid.all()
+
+
+def test_a_picture_without_black_needs_something_to_show(fisheye):
+    with pytest.raises(CalibrationError, match="no part of this view is free of black"):
+        named_view(fisheye, "camera", (300, 2), None, keep="valid")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("camera", {"fov": 175.0}, "at most 170; for more, take the view 'cylindrical'"),
+        ("equirectangular", {"fov": 361.0}, "at most 360"),
+        ("camera", {"fov": 60.0, "keep": "valid"}, "cannot both be asked for"),
+        ("camera", {"keep": "most"}, "nothing to keep; there are: all, valid"),
+        ("cube-up", {"fov": 60.0}, "90 degrees wide; leave out"),
+    ],
+)
+def test_what_is_no_view_is_refused(fisheye, name, options, message):
+    with pytest.raises(InputError, match=message):
+        named_view(fisheye, name, None, None, **options)
+
+
+def test_a_face_that_is_not_square_is_refused(fisheye):
+    with pytest.raises(InputError, match="200x100 was asked for; give a square size"):
+        named_view(fisheye, "cube-up", (200, 100), None)
+
+
+def largest_by_trying(mask, proportion):
+    """The width of the largest rectangle of true pixels, by trying all."""
+    rows, columns = mask.shape
+    for width in range(columns, 0, -1):
+        height = int(np.ceil(width / proportion))
+        for top in range(rows - height + 1):
+            for left in range(columns - width + 1):
+                if mask[top : top + height, left : left + width].all():
+                    return width
+    return 0
+
+
+@given(st.integers(0, 1000), st.sampled_from([0.5, 1.0, 1.6]))
+def test_the_largest_rectangle_is_the_largest(seed, proportion):
+    rng = np.random.default_rng(seed)
+    mask = np.ones((14, 18), dtype=bool)
+    mask[rng.integers(0, 14, 4), rng.integers(0, 18, 4)] = False
+    found, width = largest_rectangle(mask, proportion), largest_by_trying(mask, proportion)
+    if found is None:
+        assert min(width, np.ceil(width / proportion)) < 5
+        return
+    assert found.right - found.left + 3 == width
+    assert mask[int(found.top) - 1 : int(found.bottom) + 2, int(found.left) - 1 : int(found.right) + 2].all()
+
+
+def horizon_picture():
+    """Bright above the horizon as the fisheye sees it."""
+    y = np.arange(SIZE[1], dtype=float)[:, None]
+    return np.where(y < MIDDLE[1], 220, 40).astype(np.uint8) * np.ones((1, SIZE[0]), np.uint8)
+
+
+def test_pictures_show_what_views_say(fisheye):
+    """Turned up by 10 degrees and with 90 degrees over 200 px, the horizon lies 100 tan(10 degrees) px lower."""
+    straighten = Straightener(fisheye, "camera", (200, 200), turn=(0.0, 10.0, 0.0), fov=90.0)
+    middle = straighten(horizon_picture())[:, 100].astype(int)
+    assert np.argmax(middle < 130) == pytest.approx(99.5 + 100.0 * np.tan(np.deg2rad(10.0)), abs=1.0)
+
+
+def test_a_splat_leaves_no_holes_where_a_view_magnifies(fisheye):
+    picture = np.full((SIZE[1], SIZE[0], 3), 200, np.uint8)
+    splatted = Straightener(fisheye, "camera", (400, 300), method="splat", fov=25.0)(picture)
+    assert (splatted == 200).all()
+
+
+def test_a_splat_grows_no_streaks(fisheye):
+    picture = np.where(np.indices((SIZE[1], SIZE[0])).sum(axis=0) % 40 < 20, 40, 220).astype(np.uint8)
+    splatted, remapped = (
+        Straightener(fisheye, "camera", (400, 300), method=method, fov=25.0)(picture).astype(float)
+        for method in ("splat", "remap")
+    )
+    assert (np.abs(splatted - remapped) > 90).mean() < 0.06  # a px of the image, here four wide, along the edges
+
+
+def test_a_view_turned_from_all_that_is_seen_is_black(fisheye):
+    view = named_view(fisheye, "cube-back", None, None)
+    made = rectification_map(fisheye, view)
+    assert not made.valid.any()
+    assert not remap(np.full((SIZE[1], SIZE[0]), 255, np.uint8), made).any()
