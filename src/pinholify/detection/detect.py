@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.board import AprilGrid, Board, Charuco, Checkerboard, CircleGrid, size
+from pinholify.board import AprilGrid, Board, Charuco, Checkerboard, CircleGrid, Screen, size
 from pinholify.corners import Corners, not_found
 from pinholify.detection.aprilgrid import detect_aprilgrid
 from pinholify.detection.candidates import find_candidates
@@ -20,6 +20,7 @@ from pinholify.detection.intensity import Grey, grey_levels
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.placement import ends, place
 from pinholify.detection.refine import refine_lattice
+from pinholify.errors import BoardError
 
 SMALLEST_SIDE = 24
 """Below this (px) no board can show its corners."""
@@ -34,8 +35,13 @@ def detect_board(image: NDArray[Any], board: Board, *, name: str = "", mirrored:
     ``image``: (height, width) or (height, width, 3) in BGR, uint8, uint16 or float. ``mirrored``: the image
     is a reflection. A part of the board is found too; where its place on the board cannot be known, the
     result says so. Of several boards the largest complete one counts, then the part with the most corners.
-    Where no board is found the result has no corners and a ``reason``.
+    Where no board is found the result has no corners and a ``reason``. Raises BoardError for a screen of Gray codes.
     """
+    if isinstance(board, Screen):
+        raise BoardError(
+            f"one image does not tell the nodes of the screen {board.spec}: decode captures of all its patterns with "
+            "'pinholify gray-code decode', and give its table with --corners"
+        )
     height, width = image.shape[:2]
     if min(height, width) < SMALLEST_SIDE:
         return not_found(name, f"the image is only {width}x{height} px, too small to show a board")
