@@ -65,3 +65,22 @@ def test_what_cannot_be_seen_is_nan(barrel_calibration):
     mapped = camera.from_rays(np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
     assert np.isnan(mapped.points).any(axis=1).tolist() == [True, True, False]
     assert np.isnan(mapped.std).any(axis=1).tolist() == [True, True, False]
+
+
+def test_many_small_questions_prepare_once(barrel_calibration):
+    """A lone point's pixel costs about what the map's own inverse does, after the first."""
+    camera, asked = replace(barrel_calibration.camera), []
+
+    class Counted:
+        def __getattr__(self, name):
+            return getattr(barrel_calibration.camera.plane_map, name)
+
+        def value(self, uv):
+            asked.append(len(uv))
+            return barrel_calibration.camera.plane_map.value(uv)
+
+    camera = replace(camera, plane_map=Counted())
+    first = [camera.project(np.array([[x, 0.2, 1.0]])) for x in (0.1, 0.2, 0.3)]
+    assert sum(n > 100 for n in asked) == 1
+    together = barrel_calibration.camera.project(np.array([[x, 0.2, 1.0] for x in (0.1, 0.2, 0.3)]))
+    np.testing.assert_allclose(np.concatenate(first), together, atol=1e-6)

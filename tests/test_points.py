@@ -11,7 +11,18 @@ from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import AngleChart, Intrinsics, PlaneChart
 from pinholify.errors import InputError
 from pinholify.geometry import Pose, convex_hull
-from pinholify.points import distort_points, pixel_rays, project_points, solve_pnp, undistort_points
+from pinholify.points import (
+    MANY,
+    distort_points,
+    distort_points_jacobian,
+    pixel_rays,
+    pixel_rays_jacobian,
+    project_points,
+    project_points_jacobian,
+    solve_pnp,
+    undistort_points,
+    undistort_points_jacobian,
+)
 
 SIZE = (640, 480)
 K = np.array([[420.0, 0.0, 325.0], [0.0, 420.0, 236.0], [0.0, 0.0, 1.0]])
@@ -209,3 +220,77 @@ def test_points_all_around_a_wide_lens_give_a_pose():
     _, rvec, tvec = solve_pnp(points, project_points(points, RVEC, 0.3 * TVEC, wide)[0], wide)
     np.testing.assert_allclose(rvec[:, 0], RVEC, atol=1e-7)
     np.testing.assert_allclose(tvec[:, 0], 0.3 * TVEC, atol=1e-6)
+
+
+def numeric_jacobian(function, points, step):
+    """∂ ``function``/∂ points (n, outputs, inputs) by central differences."""
+    moves = np.eye(points.shape[1]) * step
+    return np.stack([(function(points + m) - function(points - m)) / (2 * step) for m in moves], axis=-1)
+
+
+@pytest.mark.parametrize(("r", "p"), [(None, None), (TURN, 2 * K), (TURN, None)])
+def test_derivatives_by_the_pixel(camera, r, p):
+    uv = pixels(40)
+    for function, jacobian, options in (
+        (undistort_points, undistort_points_jacobian, (r, p)),
+        (pixel_rays, pixel_rays_jacobian, (r,)),
+    ):
+        found = jacobian(uv, camera, *options)
+        truth = numeric_jacobian(lambda x, f=function, o=options: f(x, camera, *o), uv, 1e-3)
+        np.testing.assert_allclose(found, truth, atol=1e-6 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize(("r", "p"), [(None, None), (TURN, 2 * K)])
+def test_the_derivative_of_distorting_is_the_inverse_of_undistortings(camera, r, p):
+    uv = pixels(40)
+    plane = undistort_points(uv, camera, r, p)
+    product = distort_points_jacobian(plane, camera, r, p) @ undistort_points_jacobian(uv, camera, r, p)
+    np.testing.assert_allclose(product, np.broadcast_to(np.eye(2), product.shape), atol=1e-7)
+
+
+@pytest.mark.parametrize("r", [None, TURN])
+def test_the_derivative_of_projecting_by_the_points(camera, r):
+    points = 0.5 * solid_points()
+    found = project_points_jacobian(points, RVEC, TVEC, camera, r)
+    truth = numeric_jacobian(lambda x: project_points(x, RVEC, TVEC, camera, r)[0], points, 1e-4)
+    np.testing.assert_allclose(found, truth, atol=1e-6 * np.abs(truth).max())
+
+
+def test_derivatives_keep_the_shape_of_the_points_and_are_nan_where_those_are(camera):
+    uv = np.array([[[300.0, 200.0]], [[np.nan, 3.0]]])
+    for jacobian, rows in ((undistort_points_jacobian, 2), (pixel_rays_jacobian, 3), (distort_points_jacobian, 2)):
+        found = jacobian(uv / 1000.0 if jacobian is distort_points_jacobian else uv, camera)
+        assert found.shape == (2, 1, rows, 2)
+        assert np.isnan(found).all(axis=(2, 3))[:, 0].tolist() == [False, True]
+    behind = project_points_jacobian([[0.0, 0.0, -30.0], [0.0, 0.0, 0.0]], np.zeros(3), [0, 0, 9.0], camera)
+    assert np.isnan(behind).all(axis=(1, 2)).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(("r", "p"), [(None, None), (TURN, 2 * K)])
+def test_many_points_are_as_few_within_a_thousandth_of_a_pixel(camera, r, p):
+    uv = np.random.default_rng(4).uniform([-0.5, -0.5], [639.5, 479.5], (MANY, 2))
+    exact = undistort_points(uv, camera, r, p, tolerance=0.0)
+    many = undistort_points(uv, camera, r, p)
+    assert np.abs(many - exact).max() > 0.0
+    by_pixel = undistort_points_jacobian(uv, camera, r, p)
+    shift = np.linalg.solve(by_pixel, (many - exact)[:, :, None])
+    assert np.linalg.norm(shift, axis=1).max() < 1e-3
+    assert np.linalg.norm(distort_points(exact, camera, r, p) - uv, axis=1).max() < 1e-3
+    angle = np.linalg.norm(pixel_rays(uv, camera, r) - pixel_rays(uv, camera, r, tolerance=0.0), axis=1)
+    assert angle.max() * K[0, 0] < 1e-3
+
+
+def test_many_points_of_a_wide_lens_there_and_back():
+    """Rays up to 115° from the axis: directions come from a table too, and half of the pixels have no plane point."""
+    wide = VirtualCamera(
+        AngleMap(200.0), AngleChart(np.eye(3)), Intrinsics(1.0, 0.0, 0.0), Domain(convex_hull(FRAME)), SIZE, 0.1
+    )
+    uv = np.random.default_rng(4).uniform([0.0, 0.0], [639.0, 479.0], (MANY, 1, 2))
+    angles = (uv[:, 0] - K[:2, 2]) / 200.0
+    np.testing.assert_allclose(pixel_rays(uv, wide)[:, 0], wide.chart.directions(angles), atol=1e-6)
+    plane = undistort_points(uv, wide)
+    ahead = np.linalg.norm(angles, axis=1) < np.pi / 2
+    np.testing.assert_array_equal(np.isfinite(plane[:, 0]).all(axis=1), ahead)
+    back = distort_points(plane, wide)
+    np.testing.assert_allclose(back[ahead], uv[ahead], atol=1e-3)
+    assert np.isnan(back[~ahead]).all()

@@ -1,0 +1,68 @@
+"""The options by which commands are told of a view."""
+
+from __future__ import annotations
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from pinholify.cli.undistort_command import command
+from pinholify.cli.view_options import VIEWS, turn
+from pinholify.io.camera_file import write_camera
+from pinholify.io.images import read_image, write_image
+from pinholify.rectification import views
+from synthetic import SIZE
+
+
+def test_the_names_are_those_of_the_library():
+    assert views.VIEWS == VIEWS
+
+
+@pytest.mark.parametrize(
+    ("text", "degrees"),
+    [("30,-10,5.5", (30.0, -10.0, 5.5)), ("90", (90.0, 0.0, 0.0)), (" -1 , +.5 ", (-1.0, 0.5, 0.0))],
+)
+def test_turns_are_read(text, degrees):
+    assert turn(text) == degrees
+
+
+@pytest.mark.parametrize("text", ["", "left", "1;2", "1,2,3,4", "nan", "1,,2", "1e3"])
+def test_what_is_no_turn_is_refused(text):
+    with pytest.raises(click.BadParameter, match="write degrees YAW,PITCH,ROLL"):
+        turn(text)
+
+
+@pytest.fixture(scope="module")
+def files(barrel_calibration, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("views")
+    write_camera(folder / "camera.npz", barrel_calibration)
+    write_image(folder / "white.png", np.full((SIZE[1], SIZE[0]), 255, np.uint8))
+    return folder
+
+
+def straightened(files, out, *options):
+    """The picture, or the sentence of the refusal."""
+    given = [str(files / "camera.npz"), str(files / "white.png"), "-o", str(out), *options]
+    result = CliRunner().invoke(command, given)
+    return read_image(out / "white.png") if result.exit_code == 0 else str(result.exception)
+
+
+def test_pictures_without_black(files, tmp_path):
+    assert (straightened(files, tmp_path / "all", "--size", "480x300") == 0).mean() > 0.01
+    assert (straightened(files, tmp_path / "valid", "--size", "480x300", "--keep", "valid") > 0).all()
+
+
+def test_the_face_of_a_cube_and_a_picture_all_around(files, tmp_path):
+    face = straightened(files, tmp_path / "face", "--view", "cube-front", "--size", "200x200", "--turn", "10,0,0")
+    assert face.shape == (200, 200)
+    whole = ["--view", "equirectangular", "--fov", "360", "--size", "400x200"]
+    around = straightened(files, tmp_path / "around", *whole)
+    assert 0.02 < (around > 0).mean() < 0.2
+    turned = straightened(files, tmp_path / "turned", *whole, "--turn", "90,0,0")
+    apart = np.abs(np.roll(around, -100, axis=1).astype(int) - turned) > 0
+    assert apart.mean() < 0.001
+
+
+def test_a_width_and_what_to_keep_are_one_too_many(files, tmp_path):
+    assert "cannot both be asked for" in straightened(files, tmp_path, "--fov", "60", "--keep", "valid")
