@@ -6,14 +6,19 @@ import re
 from html.parser import HTMLParser
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from pinholify.errors import InputError, OutputError
+from pinholify.evaluation.summary import OpenCVScore
+from pinholify.report.contents import make_report
 from pinholify.report.formats import FORMATS, is_report, render, write_report
 from pinholify.report.formats.markdown import escape
 from pinholify.report.html.markup import Markup, element
+from pinholify.report.maps import Certainty
 from pinholify.report.narrative import sections
 from pinholify.report.numerals import angle, number, percent, px, with_std
+from pinholify.report.provenance import Provenance
 
 VOID = {"meta", "link", "img", "input"}
 
@@ -115,6 +120,24 @@ def test_without_photographs_the_page_says_so_and_draws_the_boards(bare_report):
     assert not page.all("img")
     assert any("photographs were not at hand" in text for text in page.text)
     assert len([a for a in page.all("figure") if a.get("id", "").startswith("photograph-")]) == 10
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_what_is_not_known_is_said_to_be_unknown(evaluation, verdict, report, form):
+    calibration = dataclasses.replace(
+        evaluation.calibration, intrinsics_std=np.full(3, np.nan), square_mm=None, details={"log_evidence": {}}
+    )
+    models = {"fisheye": OpenCVScore(None, None, None)}
+    poorest = dataclasses.replace(evaluation, calibration=calibration, lines=None, pinholeness=None, opencv=models)
+    told = make_report(poorest, verdict, Provenance("c.npz", "", "", ""))
+    told = dataclasses.replace(told, certainty=Certainty((), (), 0.001, 0.002))
+    text = render(told, form)
+    assert not re.search(r"\b(nan|inf|NaN|Infinity)\b", text)
+    if form == "html":
+        assert Page(text).open == []
+        assert "below 0.01 px" in text
+        assert "± unknown" in text
+        assert "need at least three boards" in text
 
 
 def test_markdown_has_every_table_and_escapes_names(report, hostile):

@@ -45,6 +45,15 @@ def title(report: Report) -> str:
     return f"Calibration of {report.provenance.file}"
 
 
+def subtitle(report: Report) -> str:
+    """Of what, how and when."""
+    (width, height), count, day = report.image_size, len(report.boards), report.provenance.created[:10]
+    return (
+        f"{report.overview.method.capitalize()} method, {count} photograph{'s' * (count != 1)} "
+        f"of {width} × {height} px, board {report.board}{f', calibrated on {day}' if day else ''}"
+    )
+
+
 def facts(report: Report) -> tuple[tuple[str, str, str], ...]:
     """The few numbers to know: label, value, and what it means."""
     overview = report.overview
@@ -53,10 +62,10 @@ def facts(report: Report) -> tuple[tuple[str, str, str], ...]:
         if overview.heldout_px is not None
         else ("Residual", px(overview.insample_px), "in sample: on the photographs it was made from")
     )
-    boards = f"{overview.boards_used} of {overview.boards_found}"
+    boards, known = f"{overview.boards_used} of {overview.boards_found}", np.isfinite(overview.f_share)
     return (
         heldout,
-        ("Focal length", f"± {percent(overview.f_share)}", "one standard deviation"),
+        ("Focal length", f"± {percent(overview.f_share)}" if known else "unknown", "one standard deviation"),
         ("Coverage", percent(overview.coverage), "of the image may be believed"),
         ("Boards that count", boards, f"found in {overview.images} photograph{'s' * (overview.images != 1)}"),
     )

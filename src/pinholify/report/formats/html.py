@@ -12,7 +12,7 @@ from pinholify.report.html.image_maps import certainty_map, coverage_map, residu
 from pinholify.report.html.lines import bends, frames
 from pinholify.report.html.markup import Markup, element, joined
 from pinholify.report.html.scene import turning_scene
-from pinholify.report.narrative import Section, Table, facts, sections, title
+from pinholify.report.narrative import Section, Table, facts, sections, subtitle, title
 
 SCRIPTS = ("slider.js", "scene.js", "copy.js")
 
@@ -80,6 +80,7 @@ def _header(report: Report) -> Markup:
     return joined(
         [
             element("h1", title(report)),
+            element("p", subtitle(report), class_="subtitle"),
             verdict,
             element("dl", *tiles, class_="facts"),
             missing if report.missing else "",

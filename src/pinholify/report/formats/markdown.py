@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 
 from pinholify.report.contents import Report
-from pinholify.report.narrative import Section, Table, facts, sections, title
+from pinholify.report.narrative import Section, Table, facts, sections, subtitle, title
 
 
 def render(report: Report) -> str:
     """The report as text in GitHub's Markdown."""
     overview = report.overview
-    parts = [f"<!-- pinholify-report: {report.software} -->", f"# {escape(title(report))}"]
+    parts = [f"<!-- pinholify-report: {report.software} -->", f"# {escape(title(report))}", escape(subtitle(report))]
     parts += [f"**{escape(overview.sentence)}**"]
     parts.append("\n".join(f"- **{label}**: {value} ({meaning})" for label, value, meaning in facts(report)))
     parts += [escape(sentence) for sentence in report.missing]

@@ -9,6 +9,7 @@ import numpy as np
 from pinholify.arrays import Floats
 from pinholify.report.contents import Report
 from pinholify.report.html.markup import Markup, dots, drawing, element, joined, outline, polylines
+from pinholify.report.maps import LEVELS
 from pinholify.report.numerals import px
 
 LAYER = 0.17  # opacity that each level of standard deviation adds
@@ -60,9 +61,9 @@ def certainty_map(report: Report) -> Markup:
 
 def _legend(levels: tuple[float, ...]) -> Markup:
     """What each strength of colour means."""
-    names = [f"below {levels[0]:g} px"] if levels else ["below the lowest level"]
+    names = [f"below {(levels or LEVELS)[0]:g} px"]
     names += [f"{low:g} – {high:g}" for low, high in pairwise(levels)]
-    names += [f"above {levels[-1]:g}"] if levels else []
+    names += [f"above {level:g}" for level in levels[-1:]]
     items = (
         element("li", element("span", class_="swatch", style=f"--depth:{1 - (1 - LAYER) ** i:.3f}"), name)
         for i, name in enumerate(names)
