@@ -17,7 +17,7 @@ from pinholify.cli.options import (
     json_option,
     print_json,
 )
-from pinholify.cli.report_command import check_report_output, find_photographs, gathered_report, write_to
+from pinholify.cli.report_command import check_report_output, gathered_report, write_to
 from pinholify.cli.sources import gather_corners, input_files, solving
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -78,7 +78,7 @@ def command(
     as_json: bool,
     force: bool,
 ) -> None:
-    """Make a perfect pinhole camera from photographs of a board (IMAGES: files or folders) or a corner table.
+    """Make a perfect pinhole camera from photographs of a board (IMAGES: files, folders, videos) or a corner table.
 
     The reference's board fixes the frame and, with --method one-image, makes the camera by itself; the others then
     only tell its focal length and principal point. EXIF rotation is ignored: a calibration belongs to the sensor.
@@ -113,8 +113,7 @@ def command(
         print_evaluation(evaluation, verdict)
         click.echo(f"wrote {output}")
     if report is not None:
-        photographs = find_photographs(calibration, images, output)
-        write_to(report, gathered_report(evaluation, verdict, photographs, output), aloud=not as_json)
+        write_to(report, gathered_report(evaluation, verdict, images, output), aloud=not as_json)
 
 
 def chosen_method(method: str, kernel: str, trend: str) -> str:

@@ -33,7 +33,7 @@ def command(
     as_json: bool,
     force: bool,
 ) -> None:
-    """Find the inner corners of a board in IMAGES (files or folders) and write them as a corner table.
+    """Find the inner corners of a board in IMAGES (files, folders, videos) and write them as a corner table.
 
     EXIF rotation is ignored: a calibration belongs to the sensor. With --json and -o - the table is not printed.
     """

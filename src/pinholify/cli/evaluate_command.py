@@ -22,7 +22,7 @@ from pinholify.cli.sources import gather_corners, solving
 def command(
     camera: Path, images: tuple[Path, ...], table: str | None, folds: bool, opencv: bool, strict: bool, as_json: bool
 ) -> None:
-    """Score CAMERA on photographs of its board (IMAGES: files or folders) or on a corner table.
+    """Score CAMERA on photographs of its board (IMAGES: files, folders, videos) or on a corner table.
 
     Photographs that the camera was not made from are scored with it as it is, only their boards' poses are fitted; on
     its own photographs half of the boards calibrate anew and the others are scored. The board, its handedness and the

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pinholify.cli.options import progress, say
+from pinholify.cli.stills import stills_for_videos
 from pinholify.errors import CalibrationError, CornerTableError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -34,11 +35,14 @@ def input_files(images: Sequence[Path], table: str | None) -> list[Path]:
 def detect_with_progress(
     images: Sequence[Path], board: Board, mirrored: bool, *, workers: int | None = None, needed: int = 1
 ) -> CornerSet:
-    """The corners of ``board`` in image files; says which show none, CalibrationError if fewer than ``needed`` do."""
+    """The corners of ``board`` in image files, and in frames of videos.
+
+    Says which show none; CalibrationError if fewer than ``needed`` do.
+    """
     from pinholify.detection import detect_files
 
-    with progress("Looking for boards", len(images)) as advance:
-        corners = detect_files(images, board, mirrored=mirrored, workers=workers, on_result=lambda _: advance())
+    with stills_for_videos(images) as files, progress("Looking for boards", len(files)) as advance:
+        corners = detect_files(files, board, mirrored=mirrored, workers=workers, on_result=lambda _: advance())
     check_found(corners, needed)
     return corners
 

@@ -1,0 +1,43 @@
+"""Videos where photographs are wanted: frames of them take their place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from pinholify.cli.options import progress, say
+from pinholify.errors import InputError
+
+
+@contextmanager
+def stills_for_videos(files: Sequence[Path]) -> Iterator[list[Path]]:
+    """``files`` with every video replaced by pictures of some of its frames, which are there inside the block only."""
+    from pinholify.io.video.source import is_video
+
+    if not any(is_video(str(path)) for path in files):
+        yield list(files)
+        return
+    with TemporaryDirectory(prefix="pinholify-") as folder:
+        found: list[Path] = []
+        for path in files:
+            found += _stills(path, Path(folder)) if is_video(str(path)) else [path]
+        yield found
+
+
+def _stills(video: Path, folder: Path) -> list[Path]:
+    """Pictures named after ``video`` and the number of the frame."""
+    from pinholify.io.images import write_image
+    from pinholify.io.video.choice import choose_stills
+    from pinholify.io.video.source import probe
+
+    if list(folder.glob(f"{video.stem}-*.png")):
+        raise InputError(f"two videos are called '{video.stem}'; rename one, so that their frames can be told apart")
+    paths: list[Path] = []
+    with progress(f"Choosing frames of {video.name}", probe(str(video)).frames) as advance:
+        for still in choose_stills(str(video), on_frame=advance):
+            paths.append(folder / f"{video.stem}-{still.number:06d}.png")
+            write_image(paths[-1], still.image)
+    say(f"chose {len(paths)} frames of {video}")
+    return paths

@@ -1,0 +1,84 @@
+"""Frames of a video worth looking at: sharp ones, each different from the last."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pinholify.io.images import Image
+from pinholify.io.video.source import Frame, frames, probe
+
+CHOSEN = 40
+"""Frames to look for in a video, at most about so many."""
+
+WIDTH = 640
+"""px to which frames are reduced to tell how sharp they are: motion that blurs a board is larger than one of these."""
+
+SMALL = (32, 18)
+DIFFERENT = 0.05
+"""By how much of its own contrast a frame, reduced to SMALL px, must differ from the last one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Still:
+    """A frame of a video: its ``number`` from 0, and a grey ``image`` (height, width) uint8."""
+
+    number: int
+    image: Image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    number: int
+    frame: Frame
+    sharpness: float
+    small: NDArray[np.float32]
+
+
+def choose_stills(path: str, *, count: int = CHOSEN, on_frame: Callable[[], object] | None = None) -> Iterator[Still]:
+    """The sharpest frame of each of ``count`` equal parts of the video ``path``, but none that looks like the last.
+
+    Where the file does not tell how many frames it has, parts are of a second. ``on_frame`` is called for every frame.
+    Raises ImageError for what is no video.
+    """
+    info = probe(path)
+    length = max((info.frames or 0) // count, 1) if info.frames else round(info.rate or 25)
+    best: _Candidate | None = None
+    last: _Candidate | None = None
+    for number, frame in enumerate(frames(path)):
+        if on_frame is not None:
+            on_frame()
+        if best is not None and number % length == 0:
+            if _differ(best, last):
+                yield _still(best)
+                last = best
+            best = None
+        candidate = _candidate(number, frame)
+        best = candidate if best is None or candidate.sharpness > best.sharpness else best
+    if best is not None and _differ(best, last):
+        yield _still(best)
+
+
+def _candidate(number: int, frame: Frame) -> _Candidate:
+    width = min(WIDTH, frame.width)
+    height = max(round(frame.height * width / frame.width), 1)
+    grey = frame.reformat(width=width, height=height, format="gray").to_ndarray()
+    # The variance of the Laplacian: Pech-Pacheco et al., Diatom autofocusing in brightfield microscopy, 2000.
+    sharpness = float(cv2.Laplacian(grey, cv2.CV_32F).var())
+    small = cv2.resize(grey, SMALL, interpolation=cv2.INTER_AREA)
+    return _Candidate(number, frame, sharpness, small.astype(np.float32))
+
+
+def _differ(candidate: _Candidate, last: _Candidate | None) -> bool:
+    if last is None:
+        return True
+    difference = np.sqrt(((candidate.small - last.small) ** 2).mean())
+    return bool(difference > DIFFERENT * candidate.small.std())
+
+
+def _still(candidate: _Candidate) -> Still:
+    return Still(candidate.number, candidate.frame.reformat(format="gray").to_ndarray())
