@@ -16,7 +16,14 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.detection.gray_code import Decoded, ScreenMap, Sequence
 
 
-@click.group("gray-code")
+@click.group(
+    "gray-code",
+    epilog=examples(
+        "pinholify gray-code make --screen 1920x1080 -o patterns/",
+        "pinholify gray-code decode pose1/ pose2/ pose3/ pose4/ --patterns patterns/ -o corners.csv",
+        "pinholify calibrate --corners corners.csv --board gray:1920x1080 --image-size 3840x2160",
+    ),
+)
 def command() -> None:
     """A screen as a calibration target: thousands of points, wherever the camera sees it.
 
