@@ -41,7 +41,7 @@ FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
 ENDS_COST = 100.0  # nats
 WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
 WORTH = 3.0  # nats that the process must bring for its two parameters
-CONTENDERS, WINDOW = 6, 40.0  # how many of the best get a closer look, and how many nats behind the best
+CONTENDERS, WINDOW = 4, 40.0  # how many of the best get a closer look, and how many nats behind the best
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -290,9 +290,10 @@ def _closer(
     if solution is None:
         return None
     trends = [trend for trend in search.within if trend.order in orders]
-    alone = linearise_with(setting, solution, no_basis(setting.half_size), seen)
-    found = _without_process(setting, solution, alone, trends, leader.hyperparameters.noise)
-    if len(leader.hyperparameters.kernel):
-        whole = linearise_with(setting, solution, sine_basis(setting.half_size, SCREENING_LENGTH_SCALE), seen)
+    on = len(leader.hyperparameters.kernel) > 0
+    basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if on else no_basis(setting.half_size)
+    whole = linearise_with(setting, solution, basis, seen)
+    found = _without_process(setting, solution, whole.without_process(), trends, leader.hyperparameters.noise)
+    if on:
         found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters))
     return max(filter(None, found), key=lambda candidate: candidate.score, default=None)

@@ -23,7 +23,7 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 STD_RANGE = (1e-7, 0.3)  # of the process, in normalised image units
 NOISE_RANGE = (1e-8, 0.1)
 LONGEST = 1.0
-NOISE_ROUNDS = 3
+NOISE_ROUNDS, NOISE_TOLERANCE = 3, 1e-4
 LARGEST_LOG_PRECISION = 100.0  # of a weight that the process cannot have
 
 
@@ -175,9 +175,11 @@ class Fit:
 def profile_noise(at: Linearised, noise: float) -> Fit:
     """The noise of highest evidence where there is no process, by its fixed point from ``noise``."""
     for _ in range(NOISE_ROUNDS):
-        found = posterior(at, at.precision, noise)
+        found, before = posterior(at, at.precision, noise), noise
         freedom = at.rows - 6 * at.boards - (1.0 - found.shrinkage).sum()
         noise = max(float(np.sqrt(found.misfit / max(freedom, 1.0))), NOISE_RANGE[0])
+        if abs(noise - before) < NOISE_TOLERANCE * noise:
+            break
     return Fit(Hyperparameters(np.empty(0), noise), posterior(at, at.precision, noise).log_evidence)
 
 

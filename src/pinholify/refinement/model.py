@@ -114,7 +114,8 @@ class Model:
 
     def predict(self, state: State, seen: Observations) -> Prediction:
         """Where ``state`` sees each corner."""
-        turned = np.einsum("nij,nj->ni", state.rotations[seen.view], self.shape.points(state.eta, seen.lattice))
+        points = self.shape.points(state.eta, seen.lattice)
+        turned = np.concatenate([points[k] @ r.T for k, r in zip(seen.slices(), state.rotations, strict=True)])
         camera = turned + state.translations[seen.view]
         chart = self.trend.chart.coordinates(camera)
         w = self.trend.image(state.beta, chart, seen.image)

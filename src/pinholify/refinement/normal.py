@@ -48,7 +48,8 @@ def eliminate(
     """
     root = np.sqrt(weight)[:, None]
     basis = linear.basis * root
-    dense = np.concatenate([linear.pose, linear.shared, residual[:, :, None]], axis=2) * root[:, :, None]
+    dense = np.concatenate([linear.pose, linear.shared, residual[:, :, None]], axis=2)
+    dense *= root[:, :, None]
     matrix, right = _global_blocks(basis, dense[:, :, POSE:], damping)
     products = _board_products(basis, dense, seen)
     blocks = products[:, :, -POSE:] * (1.0 + damping * np.eye(POSE))

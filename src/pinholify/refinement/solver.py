@@ -128,10 +128,10 @@ def minimise(
     here = problem.at(state)
     if here is None:
         return None
-    linear = model.linearise(here.state, seen, here.prediction)
-    damping = FIRST_DAMPING
-    easily = True
+    linear = None
+    damping, easily = FIRST_DAMPING, True
     for _ in range(most_steps):
+        linear = linear or model.linearise(here.state, seen, here.prediction)
         there, promised = problem.step(here, linear, damping) or (here, np.inf)
         gain = here.objective - there.objective
         if there is here or not gain >= 0.0:
@@ -144,6 +144,5 @@ def minimise(
         if min(gain, abs(gain - promised)) < tolerance and damping <= TRUSTED_DAMPING:
             break
         damping = max(damping / (10.0 if easily else 1.0), LEAST_DAMPING)  # not at once to where it just failed
-        easily = True
-        linear = model.linearise(here.state, seen, here.prediction)
+        easily, linear = True, None
     return here

@@ -113,18 +113,22 @@ class Radial:
         bent = d[:, :, None] * by_along[:, None, :] + 2.0 * across[:, None] * d[:, None, :]
         return np.asarray(along[:, None, None] * np.eye(2) + bent)
 
-    def shape_jacobian(self, d: Floats) -> Floats:
-        """∂R/∂(log ρ, κ, p, q, k), (n, 2, 6 + n)."""
+    def shape_jacobian(self, d: Floats, *, bent: bool) -> Floats:
+        """∂R/∂(log ρ, κ, p, q, k), (n, 2, 6 + n); p's and q's are left at zero unless they are asked for: ``bent``."""
         squares = d**2 * self.axes
         r2 = squares.sum(axis=1)
         law, law_slope = tangent_law(self.kappa, r2)
         by_ratio = self.gain_and_slope(r2)[1] * (squares[:, 1] - squares[:, 0])
         by_kappa = r2 * law_slope * self._polynomial(r2)[0]
         powers = law[:, None] * np.vander(r2, len(self.k) + 1, increasing=True)[:, 1:]
-        radial = d[:, :, None] * np.column_stack([by_ratio, by_kappa, powers])[:, None, :]
-        by_prism = (d**2).sum(axis=1)[:, None, None] * np.eye(2)
-        by_decentring = 2.0 * d[:, :, None] * d[:, None, :] + by_prism
-        return np.concatenate([radial[:, :, :2], by_decentring, by_prism, radial[:, :, 2:]], axis=2)
+        jacobian = np.zeros((len(d), 2, 6 + len(self.k)))
+        jacobian[:, :, :2] = d[:, :, None] * np.column_stack([by_ratio, by_kappa])[:, None, :]
+        jacobian[:, :, 6:] = d[:, :, None] * powers[:, None, :]
+        if bent:
+            by_prism = (d**2).sum(axis=1)[:, None, None] * np.eye(2)
+            jacobian[:, :, 2:4] = 2.0 * d[:, :, None] * d[:, None, :] + by_prism
+            jacobian[:, :, 4:6] = by_prism
+        return jacobian
 
     def monotone_until(self) -> float:
         """The radius up to which r · gain(r²) grows, at most the table's last."""
@@ -301,12 +305,12 @@ class LensTrend:
             m = e @ p.matrix
             inner = p.radial.jacobian(m)
             by_ray = inner @ p.matrix
-            by_matrix, by_shape = inner @ p.matrix_columns(e), p.radial.shape_jacobian(m)
+            by_matrix, by_shape = inner @ p.matrix_columns(e), p.radial.shape_jacobian(m, bent=self.decentred)
         else:
             d = w - p.centre
             by_ray = inverse_2x2(p.matrix @ p.radial.jacobian(d))
             by_matrix = -by_ray @ p.matrix_columns(p.radial.value(d))
-            by_shape = -by_ray @ (p.matrix @ p.radial.shape_jacobian(d))
+            by_shape = -(by_ray @ p.matrix) @ p.radial.shape_jacobian(d, bent=self.decentred)
         by_centre = np.broadcast_to(np.eye(2), (len(w), 2, 2))
         columns = np.concatenate([by_matrix, by_centre, -by_ray, by_shape], axis=2)
         return by_ray, columns[:, :, self._free]
