@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ import click
 
 from pinholify.cli.options import check_output, examples, force_option, json_option, progress, say
 from pinholify.cli.sources import solving
+from pinholify.cli.stills import stills_for_videos
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.calibration.result import Calibration
@@ -50,7 +52,7 @@ def command(
 ) -> None:
     """Tell how good CAMERA is, on one page that needs nothing else.
 
-    IMAGES (files or folders) are the photographs it was made from, and perhaps another of the same camera to show
+    IMAGES (files, folders, videos) are the photographs it was made from, and perhaps another of the same camera to show
     straightened; without any, they are looked for beside the camera file and in the current folder. With --json the
     report's numbers go to standard output, and a file is written only where -o names one.
     """
@@ -62,10 +64,9 @@ def command(
     if output or not as_json:
         check_report_output(path, (camera, *images), force=force)
     calibration = read_camera(camera)
-    photographs = find_photographs(calibration, images, camera)
     with solving():
         evaluation, verdict = evaluated(calibration, opencv=opencv, heldout=heldout)
-    report = gathered_report(evaluation, verdict, photographs, camera)
+    report = gathered_report(evaluation, verdict, images, camera)
     if output or not as_json:
         write_to(path, report, form, aloud=not as_json)
     if as_json:
@@ -94,23 +95,28 @@ def check_report_output(path: Path, inputs: Sequence[Path], *, force: bool) -> N
     check_output(path, force=force, is_ours=is_report, inputs=inputs)
 
 
-def find_photographs(calibration: Calibration, images: Sequence[Path], camera: Path) -> Photographs:
-    """The files of the camera's photographs: among ``images``, or beside the ``camera`` file or here."""
-    from pinholify.io.images import image_paths
-    from pinholify.report.photographs import matched, nearby
-
-    names = [view.name for view in calibration.corner_set.views]
-    return matched(names, image_paths(images)) if images else nearby(names, (camera.absolute().parent, Path()))
-
-
-def gathered_report(evaluation: Evaluation, verdict: Verdict, photographs: Photographs, camera: Path) -> Report:
-    """The report of an evaluated ``camera`` file, its photographs read with a progress bar."""
+def gathered_report(evaluation: Evaluation, verdict: Verdict, images: Sequence[Path], camera: Path) -> Report:
+    """The report of an evaluated ``camera`` file; photographs among ``images``, or else near it, are read for it."""
     from pinholify.report.contents import make_report
     from pinholify.report.pictures import read_pictures
     from pinholify.report.provenance import provenance_of
 
-    with progress("Reading photographs", len(photographs.by_name)) as advance:
-        pictures = read_pictures(
-            evaluation.calibration, photographs.by_name, photographs.others, on_read=lambda: advance()
-        )
-    return make_report(evaluation, verdict, provenance_of(camera), pictures)
+    calibration = evaluation.calibration
+    with photographs_of(calibration, images, camera) as found:
+        with progress("Reading photographs", len(found.by_name)) as advance:
+            pictures = read_pictures(calibration, found.by_name, found.others, on_read=advance)
+        return make_report(evaluation, verdict, provenance_of(camera), pictures)
+
+
+@contextmanager
+def photographs_of(calibration: Calibration, images: Sequence[Path], camera: Path) -> Iterator[Photographs]:
+    """The files of the camera's photographs, frames of videos for the time of the block: among ``images``, or near."""
+    from pinholify.io.images import image_paths
+    from pinholify.report.photographs import matched, nearby
+
+    names = [view.name for view in calibration.corner_set.views]
+    if not images:
+        yield nearby(names, (camera.absolute().parent, Path()))
+        return
+    with stills_for_videos(image_paths(images)) as files:
+        yield matched(names, files)
