@@ -45,9 +45,10 @@ def test_the_pictures_written_are_those_of_the_sequence(studio):
 @pytest.mark.parametrize(("method", "trend", "limit"), [("one-image", "lens:3", 0.06), ("joint", "plane", 0.03)])
 def test_a_camera_within_truth(table, tmp_path, method, trend, limit):
     """The limit is the rays' RMS error over the reference screen, best rotation removed, in px."""
-    options = ["--method", method, "--trend", trend, "--no-opencv", "--no-heldout", "--square", "4mm"]
-    assert main(["calibrate", "--corners", str(table), *BOARD, *options, "--reference", "pose0", "-o", str(tmp_path / "c.npz")]) == 0
-    calibration = read_camera(tmp_path / "c.npz")
+    path = tmp_path / "camera.npz"
+    options = ["--method", method, "--trend", trend, "--reference", "pose0", "--no-opencv", "--no-heldout"]
+    assert main(["calibrate", "--corners", str(table), *BOARD, *options, "--square", "4mm", "-o", str(path)]) == 0
+    calibration = read_camera(path)
     camera, truth = calibration.camera, virtual_camera(POSES[0])
     k = camera.intrinsics
     np.testing.assert_allclose([k.f, k.uc, k.vc], truth, rtol=2e-3)

@@ -20,8 +20,7 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     "gray-code",
     epilog=examples(
         "pinholify gray-code make --screen 1920x1080 -o patterns/",
-        "pinholify gray-code decode pose1/ pose2/ pose3/ pose4/ --patterns patterns/ -o corners.csv",
-        "pinholify calibrate --corners corners.csv --board gray:1920x1080 --image-size 3840x2160",
+        "pinholify gray-code decode pose1/ pose2/ pose3/ --patterns patterns/",
     ),
 )
 def command() -> None:
