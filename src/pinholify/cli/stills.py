@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,9 +17,13 @@ def stills_for_videos(files: Sequence[Path]) -> Iterator[list[Path]]:
     """``files`` with every video replaced by pictures of some of its frames, which are there inside the block only."""
     from pinholify.io.video.source import is_video
 
-    if not any(is_video(str(path)) for path in files):
+    videos = Counter(path.stem for path in files if is_video(str(path)))
+    if not videos:
         yield list(files)
         return
+    name, count = videos.most_common(1)[0]
+    if count > 1:
+        raise InputError(f"two videos are called '{name}'; rename one, so that their frames can be told apart")
     with TemporaryDirectory(prefix="pinholify-") as folder:
         found: list[Path] = []
         for path in files:
@@ -32,8 +37,6 @@ def _stills(video: Path, folder: Path) -> list[Path]:
     from pinholify.io.video.choice import choose_stills
     from pinholify.io.video.source import probe
 
-    if list(folder.glob(f"{video.stem}-*.png")):
-        raise InputError(f"two videos are called '{video.stem}'; rename one, so that their frames can be told apart")
     paths: list[Path] = []
     with progress(f"Choosing frames of {video.name}", probe(str(video)).frames) as advance:
         for still in choose_stills(str(video), on_frame=advance):

@@ -15,6 +15,9 @@ from pinholify.io.video.source import Frame, frames, probe
 CHOSEN = 40
 """Frames to look for in a video, at most about so many."""
 
+SHORTEST = 0.25
+"""s; in less time a hand does not come to rest."""
+
 WIDTH = 640
 """px to which frames are reduced to tell how sharp they are: motion that blurs a board is larger than one of these."""
 
@@ -42,11 +45,12 @@ class _Candidate:
 def choose_stills(path: str, *, count: int = CHOSEN, on_frame: Callable[[], object] | None = None) -> Iterator[Still]:
     """The sharpest frame of each of ``count`` equal parts of the video ``path``, but none that looks like the last.
 
-    Where the file does not tell how many frames it has, parts are of a second. ``on_frame`` is called for every frame.
-    Raises ImageError for what is no video.
+    Parts are of SHORTEST s at least, and of a second where the file does not tell how many frames it has. ``on_frame``
+    is called for every frame. Raises ImageError for what is no video.
     """
     info = probe(path)
-    length = max((info.frames or 0) // count, 1) if info.frames else round(info.rate or 25)
+    rate = info.rate or 25
+    length = max((info.frames or round(rate * count)) // count, round(rate * SHORTEST), 1)
     best: _Candidate | None = None
     last: _Candidate | None = None
     for number, frame in enumerate(frames(path)):
