@@ -1,5 +1,6 @@
 """``pinholify report`` and ``calibrate --report``; the lines it offers for copying run."""
 
+import dataclasses
 import json
 import os
 import shlex
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from pinholify.cli import main
+from pinholify.io.camera_file import write_camera
 from pinholify.io.corner_tables import write_corner_table
 from pinholify.report.usage import snippets
 from small_camera import FROM_TABLE, SIZE, corner_set
@@ -102,6 +104,15 @@ def test_a_file_that_is_no_camera_is_refused_in_a_sentence(run, tmp_path, name):
     (tmp_path / "text.npz").write_text("hello")
     status, _, err = run("report", name)
     assert status == 1
+    assert len(err.splitlines()) == 1
+
+
+def test_a_camera_without_corners_is_refused_with_what_to_do_instead(run, evaluation, corners):
+    write_camera("bare.npz", dataclasses.replace(evaluation.calibration, corner_set=corners.with_views(())))
+    status, _, err = run("report", "bare.npz")
+    assert status == 1
+    assert "made from no photographs" in err
+    assert "pinholify evaluate" in err
     assert len(err.splitlines()) == 1
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
+from pinholify.errors import InputError
 from pinholify.evaluation.summary import Evaluation, evaluate
 from pinholify.evaluation.verdict import Verdict, judge
 from pinholify.pipeline import calibrate
@@ -13,8 +14,14 @@ def evaluated(calibration: Calibration, *, opencv: bool = True, heldout: bool = 
     """Evaluation of ``calibration`` on the corners it was made from, and the verdict.
 
     ``opencv`` fits OpenCV's models beside it; ``heldout`` calibrates half of the boards anew, in the same way. Raises
-    CalibrationError where no board can be scored.
+    InputError for a camera that was made from no corners (an imported one), CalibrationError where no board can be
+    scored.
     """
+    if not calibration.corner_set.found:
+        raise InputError(
+            f"the camera was made from no photographs ({calibration.method}), so there is nothing to report on; see "
+            "how good it is on photographs of a board with 'pinholify evaluate'"
+        )
 
     def again(part: CornerSet, reference: str) -> Calibration:
         return calibrate(
