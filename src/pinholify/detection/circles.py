@@ -43,17 +43,14 @@ SQUARE = 25.0
 REACH = 0.5
 """Of the spacing: how far from its prediction the nearest disc may be, no other one being nearer."""
 
-SIZE_RATIO = 1.6
-"""Neighbouring discs' areas differ by less than this factor once the lattice's own scale is taken out."""
+SIZE_RATIO = 3.0
+"""The areas of neighbouring discs' images differ by less than this factor."""
 
 DIAMETER_MISMATCH = 0.15
 """Share by which the diameter of the discs may differ from the board's: their centres are corrected for it."""
 
 ROUGH = 3.0
 """A disc so many times less well known than the usual one is covered in part."""
-
-CLIPPED = 1.2
-"""So is one whose diameter differs by this factor from its neighbours'."""
 
 PALE = 0.25
 """Of the contrast. A place in the image no darker than that holds no disc."""
@@ -130,15 +127,12 @@ def _lattices(grey: Grey, discs: Discs) -> Iterator[_Grown]:
 def _fitted(grey: Grey, grown: _Grown) -> _Grown:
     """``grown`` with each disc fitted once more, from where it was found, without those that something covers in part.
 
-    A finger's edge in an outline leaves a disc smaller, or its outline rougher, than its neighbours.
+    A finger's edge in an outline makes it rougher than the others'.
     """
     discs = fit_discs(grey, grown.discs.uv, grown.discs.axes)
     fitted = _Grown(Lattice(grown.lattice.index, discs.uv, grown.lattice.weights, grown.lattice.phase), discs)
     rough = discs.std > ROUGH * np.median(discs.std) + FLOOR
-    near = cKDTree(grown.lattice.index).query(grown.lattice.index, k=min(NEIGHBOURS + 1, len(discs)))[1]
-    diameter = fitted.diameters()
-    clipped = np.abs(np.log(diameter / np.median(diameter[near], axis=1))) > np.log(CLIPPED)
-    return fitted.select(discs.sound & ~rough & ~clipped)
+    return fitted.select(discs.sound & ~rough)
 
 
 def _plain(index: Ints, uv: Floats) -> Lattice:
@@ -195,11 +189,12 @@ def _ring(grey: Grey, discs: Discs, tree: cKDTree, grown: _Grown, banned: set[tu
         diameter = np.median(grown.diameters())
         axes = np.where(seen[:, :, None], discs.axes[candidate], _positive(expected.jacobian) * diameter / 2.0)
         fitted = fit_discs(grey, np.where(seen, discs.uv[candidate], expected.uv), axes)
-        size = fitted.areas / np.abs(np.linalg.det(expected.jacobian)) / (diameter / 2.0) ** 2
+        size = fitted.areas / grown.discs.areas[cKDTree(known.index).query(beyond)[1]]
         contrast = np.median(grown.discs.light - grown.discs.dark)
-        found = fitted.sound & (np.linalg.norm(fitted.uv - expected.uv, axis=1) < near)
-        found &= (np.abs(np.log(np.maximum(size, 1e-6))) < np.log(SIZE_RATIO)) & _first_of_each(fitted)
-        found &= fitted.light - fitted.dark > PALE * contrast
+        miss = np.linalg.norm(fitted.uv - expected.uv, axis=1)
+        found = fitted.sound & (miss < near) & (fitted.light - fitted.dark > PALE * contrast)
+        found &= np.abs(np.log(np.maximum(size, 1e-6))) < np.log(SIZE_RATIO)
+        found &= ~_holds(fitted, known.uv) & _nearest_of_each(fitted, miss)
         if found.any():
             return _Grown(known.joined(beyond[found], fitted.uv[found]), _joined(grown.discs, fitted.select(found)))
     return grown
@@ -210,11 +205,18 @@ def _positive(jacobian: Floats) -> Floats:
     return np.asarray(jacobian * np.where(np.linalg.det(jacobian) < 0, -1.0, 1.0)[:, None, None] ** [[0, 1]])
 
 
-def _first_of_each(discs: Discs) -> Bools:
-    """Of discs that were found from two places, the first."""
-    _, first = np.unique(np.rint(discs.uv), axis=0, return_index=True)
+def _holds(discs: Discs, uv: Floats) -> Bools:
+    """Which discs (n,) hold one of the points ``uv`` (m, 2)."""
+    offset = uv[None] - discs.uv[:, None]
+    inside = np.linalg.norm(np.linalg.solve(discs.axes, offset.transpose(0, 2, 1)), axis=1) < 1.0
+    return np.asarray(inside.any(axis=1))
+
+
+def _nearest_of_each(discs: Discs, miss: Floats) -> Bools:
+    """Of discs that were found from several places, ``miss`` (n,) px from these, only the nearest to its place."""
     kept = np.zeros(len(discs), dtype=bool)
-    kept[first] = True
+    for k in np.argsort(miss):
+        kept[k] = not _holds(discs.select(np.array([k])), discs.uv[kept]).any()
     return kept
 
 
@@ -242,7 +244,7 @@ def _placed(grey: Grey, grown: _Grown, board: CircleGrid, *, name: str, mirrored
         return not_found(name, f"only {len(points)} circles of a grid were found")
     symmetries = len(_ways(whole, whole, mirrored=False))
     if len(ways) > symmetries:
-        blanks = [_blanks(grey, grown, way, whole) for way in ways]
+        blanks = [_blanks(grey, grown, way, board) for way in ways]
         ways = [way for way, blank in zip(ways, blanks, strict=True) if blank == min(blanks) <= 0.1 * len(points)]
     ambiguous = len(ways) > symmetries
     if not ways or (ambiguous and 2 * len(points) < len(whole)):
@@ -281,8 +283,9 @@ def _ways(points: Ints, whole: Ints, *, mirrored: bool) -> list[Ints]:
     return ways
 
 
-def _blanks(grey: Grey, grown: _Grown, way: Ints, whole: Ints) -> int:
-    """How many discs of the board, were ``way`` right, the image would show and does not: bare sheet is there."""
+def _blanks(grey: Grey, grown: _Grown, way: Ints, board: CircleGrid) -> int:
+    """How many discs of ``board``, were ``way`` right, would cover what the image shows to be bare sheet."""
+    whole = np.rint(lattice(board)).astype(np.int64)
     known = {(int(x), int(y)) for x, y in way}
     absent = np.array([p for p in whole.tolist() if tuple(p) not in known]).reshape(-1, 2)
     apart = np.abs(absent[:, None] - way[None]).max(axis=2).min(axis=1, initial=99)
@@ -290,13 +293,13 @@ def _blanks(grey: Grey, grown: _Grown, way: Ints, whole: Ints) -> int:
     if not len(absent):
         return 0
     expected = predict(way, grown.lattice.uv, absent)
-    inner = np.array([[0.0, 0.0], [0.15, 0.0], [-0.15, 0.0], [0.0, 0.15], [0.0, -0.15]])
+    inner = 0.3 * board.diameter * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
     places = expected.uv[:, None] + inner @ expected.jacobian.transpose(0, 2, 1)
     inside = ((places > 1) & (places < np.array([grey.shape[1], grey.shape[0]]) - 2)).all(axis=(1, 2))
     nearest = cKDTree(grown.lattice.uv).query(expected.uv)[1]
     light, dark = grown.discs.light[nearest], grown.discs.dark[nearest]
-    darkest = sample(grey, places).min(axis=1)
-    return int((inside & (light - darkest < PALE * (light - dark))).sum())
+    brightest = sample(grey, places).max(axis=1)
+    return int((inside & (light - brightest < PALE * (light - dark))).sum())
 
 
 def _nearest_top_left(ways: list[Ints], uv: Floats) -> Ints:
