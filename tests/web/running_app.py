@@ -79,7 +79,7 @@ def settled(client: httpx.Client, session: str) -> dict[str, Any]:
     """The session once nothing goes on in it and it has a camera of its photographs, or a problem."""
 
     def done(state: dict[str, Any]) -> bool:
-        if state["activity"] is not None:
+        if state["activity"] is not None or state["pending"]:
             return False
         return bool(state["problem"] or (state["final"] and not outdated(state)))
 

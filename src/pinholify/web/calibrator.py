@@ -29,6 +29,7 @@ class Calibrator:
         """Calibrate when photographs have arrived, or ``at_once``, in place of what is being calibrated now."""
         desk = self.room.desk(session_id)
         desk.wanted = True
+        desk.tell("pending")
         if at_once:
             desk.last_look = 0.0
             if desk.solve_job is not None:

@@ -104,6 +104,7 @@ def result_event(session: Session, desk: Desk) -> Event:
         "final": desk.preview is None and result is not None,
         "accepted": session.result is not None and guidance.content(session.result),
         "problem": desk.problem,
+        "pending": desk.wanted,
     }
 
 

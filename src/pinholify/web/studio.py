@@ -76,7 +76,7 @@ class Studio:
 def summary(session: Session) -> Event:
     """A session as it stands in the list of all."""
     result = session.result or {}
-    first = next((p.id for p in session.photographs if p.corners.found), None)
+    shown = max(session.photographs, key=lambda p: p.corners.found, default=None)
     return {
         "id": session.id,
         "created": session.created,
@@ -84,7 +84,7 @@ def summary(session: Session) -> Event:
         "photographs": len(session.photographs),
         "f_px": result.get("f_px"),
         "level": result.get("level"),
-        "thumb": first,
+        "thumb": shown and shown.id,
     }
 
 

@@ -101,10 +101,15 @@ export function drawLive() {
     notice("The camera is calibrated; you may put the board down");
     return;
   }
-  byId("live-hint").textContent = last ? last.hint : "Starting the camera …";
+  say("live-hint", last ? last.hint : "Starting the camera …");
   byId("live-count").textContent = `${state.session.usable.length} taken`;
   byId("live-advice").replaceChildren(el("span", {}, inView(nextBoard())), bars(state.session.bars));
   if (last) drawOverlay(last);
+}
+
+/** Change a text only where it is another, so that a screen reader says it once. */
+function say(place, text) {
+  if (byId(place).textContent !== text) byId(place).textContent = text;
 }
 
 function drawOverlay({ size: [width, height], ids, uv }) {

@@ -4,7 +4,7 @@ import { change, download, post } from "./api.js";
 import { announce, byId, el, sentence } from "./dom.js";
 import { coverage } from "./coverage.js";
 import { saying } from "./notices.js";
-import { changed, onStage, outdated, photographs, stale, state } from "./state.js";
+import { abandoned, changed, onStage, outdated, photographs, stale, state } from "./state.js";
 import { largestError } from "./tiles.js";
 
 const FEWEST = 3;
@@ -14,7 +14,7 @@ let said = "";
 
 export function drawResult() {
   const signature = JSON.stringify([
-    state.session, state.result, state.final, state.accepted, state.problem, Boolean(state.activity),
+    state.session, state.result, state.final, state.pending, state.problem, Boolean(state.activity), state.arriving.size,
     [...state.photographs.values()].map((p) => [p.id, p.included, p.suggestion, p.uv.length]), onStage()?.id,
   ]);
   if (signature === shown) return;
@@ -36,10 +36,10 @@ function sayVerdict() {
 function verdict() {
   const other = suggestion();
   if (other) return otherBoard(other);
-  if (state.problem && !state.activity) return card("verdict poor", chip("Not yet"), el("p", {}, sentence(state.problem)));
+  if (state.problem && !state.activity && !state.pending) return card("verdict poor", chip("Not yet"), el("p", {}, sentence(state.problem)));
   if (!state.result) return waiting();
   const { level, sentence: text } = state.result;
-  const again = outdated()
+  const again = abandoned()
     ? el("button", { type: "button", class: "primary", onclick: () => saying(post(`/sessions/${state.session.id}/solve`)) },
       "Calibrate with these photographs")
     : null;

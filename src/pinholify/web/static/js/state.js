@@ -10,6 +10,7 @@ export const state = {
   final: false,
   accepted: false,
   problem: null,
+  pending: false,
   activity: null,
   selected: null,
 };
@@ -34,7 +35,7 @@ export function changed() {
 
 export function forget() {
   Object.assign(state, { session: null, result: null, solve: null, final: false, accepted: false, problem: null });
-  Object.assign(state, { activity: null, selected: null });
+  Object.assign(state, { activity: null, selected: null, pending: false });
   state.photographs.clear();
   state.arriving.clear();
   changed();
@@ -59,6 +60,9 @@ export function heard(event) {
     case "activity":
       state.activity = event.activity;
       break;
+    case "pending":
+      state.pending = true;
+      break;
     case "result":
       Object.assign(state, resultOf(event));
       break;
@@ -66,7 +70,8 @@ export function heard(event) {
   changed();
 }
 
-const resultOf = ({ result, solve, final, accepted, problem }) => ({ result, solve, final, accepted, problem });
+const resultOf = ({ result, solve, final, accepted, problem, pending }) =>
+  ({ result, solve, final, accepted, problem, pending });
 
 const byName = new Intl.Collator(undefined, { numeric: true });
 
@@ -79,14 +84,14 @@ export function onStage() {
   return known.get(selected) ?? known.get(result?.reference) ?? photographs()[0] ?? null;
 }
 
-/** Whether the result is of other photographs than those that count now. */
-export function stale() {
-  return state.result !== null && (!state.final || state.activity?.solving === true || outdated());
-}
+/** Whether there is a result that another will take the place of, or ought to. */
+export const stale = () => state.result !== null && (!state.final || state.pending || outdated());
 
-/** Whether the result, which nobody is working on, is not of the photographs that count now. */
+/** Whether the result is of other photographs than those that count now. */
 export function outdated() {
-  if (!state.result || state.activity) return false;
   const used = new Set(state.result.photographs);
   return used.size !== state.session.usable.length || state.session.usable.some((id) => !used.has(id));
 }
+
+/** Whether the result is out of date and nobody is about to make another. */
+export const abandoned = () => outdated() && !state.pending && !state.activity && !state.arriving.size;
