@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pinholify.board import parse_board
 from pinholify.corners import Corners
 from pinholify.detection.gray_code import (
+    ScreenMap,
     Sequence,
     decode_captures,
     decode_folders,
@@ -18,6 +19,7 @@ from pinholify.detection.gray_code import (
 )
 from pinholify.detection.gray_code.decode import without_strangers
 from pinholify.detection.gray_code.decoding import decode, shift_between
+from pinholify.detection.gray_code.nodes import fit_nodes
 from pinholify.detection.gray_code.patterns import from_gray_code, gray_code
 from pinholify.errors import BoardError, ImageError, InputError
 from pinholify.io.images import write_image
@@ -110,6 +112,15 @@ def test_pixels_of_wrong_codes_do_not_move_nodes(seen):
     error = view.uv - true_corners(LENS, SCREEN, POSE)[view.ids]
     assert len(view) > 0.8 * SCREEN.columns * SCREEN.rows
     assert np.sqrt((error**2).mean()) < 0.06
+
+
+@pytest.mark.parametrize(("seen_to", "columns"), [(56, 3), (60, 4)])
+def test_a_cell_of_which_half_is_hidden_tells_no_node(seen_to, columns):
+    x, y = np.meshgrid(np.arange(96.0), np.arange(96.0))
+    hidden = x >= seen_to
+    found = fit_nodes(ScreenMap(np.where(hidden, np.nan, x), np.where(hidden, np.nan, y)), parse_board("gray:96x96:16"))
+    np.testing.assert_array_equal(np.unique(found.ids % 6), np.arange(columns))
+    np.testing.assert_allclose(found.uv[:, 0], found.ids % 6 * 16 + 7.5, atol=1e-6)
 
 
 def test_a_node_elsewhere_than_its_neighbours_say_is_taken_out_alone():
