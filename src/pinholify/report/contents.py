@@ -15,6 +15,7 @@ from pinholify.report.maps import (
     certainty_of,
     coverage_of,
     residual_field,
+    std_over_image,
 )
 from pinholify.report.model import Model, model_of
 from pinholify.report.overview import Intrinsics, Overview, intrinsics_of, overview_of
@@ -79,6 +80,7 @@ def make_report(
     pictures = Pictures() if pictures is None else pictures
     seen = residuals_of(evaluation, calibration.corner_set)
     residuals = residual_field(calibration, verdict, seen)
+    std = std_over_image(calibration.camera)
     return Report(
         f"pinholify {__version__}",
         provenance,
@@ -88,8 +90,8 @@ def make_report(
         pictures.frames,
         intrinsics_of(evaluation),
         boards_of(evaluation, verdict, seen, pictures),
-        coverage_of(calibration, verdict, seen),
-        certainty_of(calibration.camera),
+        coverage_of(calibration, verdict, seen, std),
+        certainty_of(calibration.camera, std),
         residuals,
         straightness_of(evaluation),
         scene_of(evaluation),

@@ -34,10 +34,10 @@ class Coverage:
     next_board: Floats | None
 
 
-def coverage_of(calibration: Calibration, verdict: Verdict, seen: Residuals) -> Coverage:
-    """Where boards were seen."""
+def coverage_of(calibration: Calibration, verdict: Verdict, seen: Residuals, std: Floats) -> Coverage:
+    """Where boards were seen; ``std`` is the :func:`std_over_image` of the camera."""
     camera = calibration.camera
-    log_std, limit = np.log(_std(camera)), np.log(camera.domain.max_std)
+    log_std, limit = np.log(std), np.log(camera.domain.max_std)
     views = [view for view in calibration.corner_set.found if view.name in seen.inliers]
     return Coverage(
         verdict.coverage,
@@ -61,9 +61,8 @@ class Certainty:
     image_px: float
 
 
-def certainty_of(camera: VirtualCamera) -> Certainty:
-    """How well the map of ``camera`` is known, at each place of its image."""
-    std = _std(camera)
+def certainty_of(camera: VirtualCamera, std: Floats) -> Certainty:
+    """How well the map of ``camera`` is known: levels of ``std``, its :func:`std_over_image`."""
     lowest = max((level for level in LEVELS if level <= std.min()), default=LEVELS[0])
     levels = tuple(level for level in LEVELS if lowest <= level <= std.max())
     regions = regions_above(np.log(std), tuple(np.log(levels)), camera.image_size)
@@ -72,7 +71,7 @@ def certainty_of(camera: VirtualCamera) -> Certainty:
     return Certainty(levels, regions, within, float(np.median(std)))
 
 
-def _std(camera: VirtualCamera) -> Floats:
+def std_over_image(camera: VirtualCamera) -> Floats:
     """Standard deviation (n,) px of the map's shape at the grid's nodes, positive and finite."""
     with np.errstate(all="ignore"):
         std = camera.shape_std(grid_pixels(camera.image_size))
