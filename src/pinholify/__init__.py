@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from pinholify.batch.run import straighten_images
+    from pinholify.batch.video import straighten_video, video_job
     from pinholify.board import Checkerboard, parse_board
     from pinholify.calibration.observation import estimate_pose, observe, sighting_of
     from pinholify.calibration.result import Calibration
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from pinholify.io.camera_file import read_camera, write_camera
     from pinholify.io.corner_tables import read_corner_table, write_corner_table
     from pinholify.io.images import read_image, write_image
+    from pinholify.io.live import straight_frames
     from pinholify.pipeline import calibrate
     from pinholify.rectification.maps import RectificationMap, rectification_map
     from pinholify.rectification.straightener import Straightener
@@ -70,6 +73,10 @@ _HOMES = {
     "read_image": "io.images",
     "rectification_map": "rectification.maps",
     "sighting_of": "calibration.observation",
+    "straight_frames": "io.live",
+    "straighten_images": "batch.run",
+    "straighten_video": "batch.video",
+    "video_job": "batch.video",
     "write_camera": "io.camera_file",
     "write_corner_table": "io.corner_tables",
     "write_image": "io.images",
@@ -105,6 +112,10 @@ __all__ = [
     "read_image",
     "rectification_map",
     "sighting_of",
+    "straight_frames",
+    "straighten_images",
+    "straighten_video",
+    "video_job",
     "write_camera",
     "write_corner_table",
     "write_image",
