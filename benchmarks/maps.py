@@ -28,7 +28,7 @@ from pinholify.corners import Corners, CornerSet
 from pinholify.io.camera_file import read_camera, write_camera
 from pinholify.pipeline import calibrate
 from pinholify.points import undistort_points, undistort_points_jacobian
-from pinholify.rectification.maps import rectification_map, sampler
+from pinholify.rectification.maps import inverse_map, rectification_map, sampler
 from pinholify.rectification.views import named_view
 from pinholify.simulation.lenses import LENSES, Resized
 from pinholify.simulation.views import board_poses, true_corners
@@ -130,20 +130,20 @@ def compare_maps(path, peers):
     view = named_view(read_camera(path).camera, "camera", SIZE, None)
     camera = read_camera(path).camera
     made = rectification_map(camera, view)
-    rounds = [
-        (
-            seconds(rectification_map, read_camera(path).camera, view),
-            seconds(rectification_map, camera, view),
-            seconds(rational),
-            seconds(fisheye),
-        )
-        for _ in range(2 * REPEATS)
-    ]
-    cold, warm, *opencv = np.min(rounds, axis=0)
-    theirs = {"OpenCV rational": opencv[0], "OpenCV fisheye": opencv[1], **peers}
-    ratios = ", ".join(f"{name} {cold / s:.2f} / {warm / s:.2f}" for name, s in theirs.items())
-    print(f"  map, ours ÷ theirs, cold / warm: {ratios}; largest error {largest_error(camera, view, made):.4f} px")
+    rounds = [[*our_seconds(path, camera, view), seconds(rational), seconds(fisheye)] for _ in range(2 * REPEATS)]
+    *ours, first, second = np.min(rounds, axis=0)
+    error = largest_error(camera, view, made)
+    print(f"  map: largest error {error:.4f} px; ours ÷ theirs, cold, warm, cold with validity, warm with validity")
+    for name, taken in {"OpenCV rational": first, "OpenCV fisheye": second, **peers}.items():
+        print(f"    {name:16}" + "".join(f"{own / taken:8.3f}" for own in ours))
     return camera, made
+
+
+def our_seconds(path, camera, view):
+    """Both coordinates alone, as OpenCV gives them, cold and warm; with the mask of what is valid, cold and warm."""
+    alone, whole = read_camera(path).camera, read_camera(path).camera
+    yield from (seconds(inverse_map, c, view) for c in (alone, camera))
+    yield from (seconds(rectification_map, c, view) for c in (whole, camera))
 
 
 def compare_frames(camera, made):

@@ -40,18 +40,26 @@ def rectification_map(
     camera: VirtualCamera, view: View, *, max_std: float | None = None, with_std: bool = False
 ) -> RectificationMap:
     """The backward map of ``view``; valid inside the domain, or where the std is at most ``max_std`` px."""
-    margin, size = MARGIN * max(camera.image_size), np.array(camera.image_size)
-    planes = expand(
-        lambda pixels: camera.project(view.directions(pixels)),
-        view.size,
-        wanted=lambda values: np.asarray(((values > -margin) & (values < size + margin)).all(axis=-1)),
-    )
+    planes = inverse_map(camera, view)
     # A sum is the quickest question whether any is nan. What becomes of nan in cv2.remap depends on the processor.
     whole = planes if np.isfinite(planes.sum()) else np.nan_to_num(planes, nan=OUTSIDE)
     mask = source_mask(camera, max_std).view(np.uint8)
     valid = cv2.remap(mask, whole[0], whole[1], cv2.INTER_NEAREST, borderValue=0).view(np.bool_)
     std = _std_at(camera, whole) if with_std else None
     return RectificationMap(view, np.moveaxis(planes, 0, -1), valid, std)
+
+
+def inverse_map(camera: VirtualCamera, view: View) -> NDArray[np.float32]:
+    """Pixels of the original image for those of ``view``: planes of columns and of rows, (2, height, width) float32.
+
+    Right to less than 0.01 px inside the image, nan where it shows nothing. Nothing is said of what may be believed.
+    """
+    margin, size = MARGIN * max(camera.image_size), np.array(camera.image_size)
+    return expand(
+        lambda pixels: camera.project(view.directions(pixels)),
+        view.size,
+        wanted=lambda values: np.asarray(((values > -margin) & (values < size + margin)).all(axis=-1)),
+    )
 
 
 def _std_at(camera: VirtualCamera, planes: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -133,9 +133,7 @@ def _turned(rotation: Floats, turn: Angles) -> Floats:
     return np.asarray(Rotation.from_euler("YXZ", turn, degrees=True).as_matrix().T @ rotation)
 
 
-def _cube_face(
-    camera: VirtualCamera, name: str, size: tuple[int, int] | None, turn: Angles, *, given: bool
-) -> View:
+def _cube_face(camera: VirtualCamera, name: str, size: tuple[int, int] | None, turn: Angles, *, given: bool) -> View:
     """A face; as fine as the middle of the image by default."""
     if given:
         raise InputError(f"the view '{name}' is the face of a cube, 90 degrees wide; leave out --fov and --keep")
