@@ -45,7 +45,7 @@ def model_bars(report: Report) -> Markup:
 
 
 def _bar(index: int, entry: BoardEntry, floor: float, scale: float) -> Markup:
-    name = element("a", entry.name, href=f"#photograph-{index}")
+    name = element("a", entry.name, href=f"#photograph-{index}", title=entry.name)
     if entry.rms_px is None or entry.worst_px is None:
         return element("li", name, element("span", state(entry), class_="aside"), class_="left-out")
     style = f"--rms:{entry.rms_px * scale:.1f}%;--worst:{entry.worst_px * scale:.1f}%;--floor:{floor * scale:.1f}%"
