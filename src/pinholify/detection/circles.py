@@ -20,7 +20,7 @@ from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import CircleGrid, lattice
 from pinholify.corners import Corners, not_found
 from pinholify.detection.discs import Discs, find_discs, fit_discs
-from pinholify.detection.growth import FEWEST, MOST_REPAIRS, SIDES, frontier, gate, regular
+from pinholify.detection.growth import FEWEST, MOST_REPAIRS, SIDES, frontier, gate
 from pinholify.detection.intensity import Grey, grey_levels
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.placement import FEWEST_OF_PART, LARGER
@@ -34,17 +34,14 @@ FIRST_SIDE = 2000
 MOST_SEEDS = 40
 NEIGHBOURS = 8
 
-UNEVEN = 1.35
-"""The arms of a seed's cross differ by less than this factor, in the frame of its own disc."""
+SQUARE = 30.0
+"""Degrees by which the arms of a seed's cross may fail to be a quarter turn apart in the frame of its disc."""
 
-SQUARE = 25.0
-"""Degrees by which the arms of a seed's cross may fail to be a quarter turn apart, likewise."""
-
-REACH = 0.5
+REACH = 0.75
 """Of the spacing: how far from its prediction the nearest disc may be, no other one being nearer."""
 
-SIZE_RATIO = 3.0
-"""The areas of neighbouring discs' images differ by less than this factor."""
+EVEN = 1.25
+"""The distances of neighbours, in radii, differ by less than this factor from the usual one."""
 
 DIAMETER_MISMATCH = 0.15
 """Share by which the diameter of the discs may differ from the board's: their centres are corrected for it."""
@@ -104,6 +101,32 @@ class _Grown:
         jacobian, _ = local_frames(self.lattice.index, self.lattice.uv)
         return np.asarray(2.0 * np.sqrt(self.discs.areas / np.abs(np.linalg.det(jacobian))))
 
+    def usual_arm(self) -> float:
+        """The median distance of neighbours, in radii."""
+        return float(np.median(self._arms()[2]))
+
+    def even(self) -> Bools:
+        """Which discs (n,) are as far from most of their neighbours as the others are from theirs."""
+        first, second, arms = self._arms()
+        fits = np.abs(np.log(arms / np.median(arms))) < np.log(EVEN)
+        good, all_arms = np.zeros(len(self.discs)), np.zeros(len(self.discs))
+        for end in (first, second):
+            np.add.at(good, end, fits)
+            np.add.at(all_arms, end, 1)
+        return np.asarray(2 * good > all_arms)
+
+    def _arms(self) -> tuple[Ints, Ints, Floats]:
+        """Pairs of neighbours and their distances in radii."""
+        first, second = cKDTree(self.lattice.index).query_pairs(1.01, output_type="ndarray").T
+        return first, second, _radii_between(self.discs.select(first), self.discs.select(second))
+
+
+def _radii_between(a: Discs, b: Discs) -> Floats:
+    """Distances (n,) between discs in radii, the mean of what each pair's own foreshortenings say."""
+    offset = (b.uv - a.uv)[:, :, None]
+    lengths = [np.linalg.norm(np.linalg.solve(discs.axes, offset)[:, :, 0], axis=1) for discs in (a, b)]
+    return np.asarray(np.mean(lengths, axis=0))
+
 
 def _lattices(grey: Grey, discs: Discs) -> Iterator[_Grown]:
     """Lattices of at least FEWEST discs, from the most regular seed on; no disc is used twice."""
@@ -143,17 +166,18 @@ def _seeds(discs: Discs, tree: cKDTree) -> tuple[Ints, Ints]:
     """Discs (m,) whose four nearest neighbours stand in a cross, and these (m, 4), clockwise; the best first."""
     near = tree.query(discs.uv, k=min(NEIGHBOURS + 1, len(discs)))[1][:, 1:]
     offset = np.linalg.solve(discs.axes, (discs.uv[near] - discs.uv[:, None]).transpose(0, 2, 1)).transpose(0, 2, 1)
-    nearest = np.argsort(np.linalg.norm(offset, axis=2), axis=1)[:, :4]
+    own = np.repeat(np.arange(len(discs)), near.shape[1])
+    radii = _radii_between(discs.select(own), discs.select(near.ravel())).reshape(near.shape)
+    nearest = np.argsort(radii, axis=1)[:, :4]
     rows = np.arange(len(discs))[:, None]
-    arms, near = offset[rows, nearest], near[rows, nearest]
+    arms, length, near = offset[rows, nearest], radii[rows, nearest], near[rows, nearest]
     angle = np.arctan2(arms[:, :, 1], arms[:, :, 0])
     order = np.argsort(angle, axis=1)
-    arms, near, angle = arms[rows, order], near[rows, order], angle[rows, order]
+    near, angle = near[rows, order], angle[rows, order]
     turns = np.rad2deg(np.diff(np.concatenate([angle, angle[:, :1] + 2 * np.pi], axis=1), axis=1))
-    length = np.linalg.norm(arms, axis=2)
     uneven = length.max(axis=1) / length.min(axis=1)
     crooked = np.abs(turns - 90.0).max(axis=1)
-    good = np.flatnonzero((uneven < UNEVEN) & (crooked < SQUARE))
+    good = np.flatnonzero((uneven < EVEN) & (crooked < SQUARE))
     good = good[np.argsort(uneven[good] + crooked[good] / 90.0)]
     return good, near[good]
 
@@ -167,7 +191,7 @@ def _grow(grey: Grey, discs: Discs, tree: cKDTree, grown: _Grown) -> _Grown:
             if len(larger.lattice) == len(grown.lattice):
                 break
             grown = larger
-        kept = regular(grown.lattice)
+        kept = grown.even()
         if kept.all() or len(grown.lattice) < FEWEST:
             break
         banned |= {(int(i), int(j)) for i, j in grown.lattice.index[~kept]}
@@ -189,11 +213,12 @@ def _ring(grey: Grey, discs: Discs, tree: cKDTree, grown: _Grown, banned: set[tu
         diameter = np.median(grown.diameters())
         axes = np.where(seen[:, :, None], discs.axes[candidate], _positive(expected.jacobian) * diameter / 2.0)
         fitted = fit_discs(grey, np.where(seen, discs.uv[candidate], expected.uv), axes)
-        size = fitted.areas / grown.discs.areas[cKDTree(known.index).query(beyond)[1]]
+        steps, nearest = cKDTree(known.index).query(beyond)
+        arms = _radii_between(grown.discs.select(nearest), fitted) / steps
         contrast = np.median(grown.discs.light - grown.discs.dark)
         miss = np.linalg.norm(fitted.uv - expected.uv, axis=1)
         found = fitted.sound & (miss < near) & (fitted.light - fitted.dark > PALE * contrast)
-        found &= np.abs(np.log(np.maximum(size, 1e-6))) < np.log(SIZE_RATIO)
+        found &= np.abs(np.log(np.maximum(arms, 1e-6) / grown.usual_arm())) < np.log(EVEN)
         found &= ~_holds(fitted, known.uv) & _nearest_of_each(fitted, miss)
         if found.any():
             return _Grown(known.joined(beyond[found], fitted.uv[found]), _joined(grown.discs, fitted.select(found)))
