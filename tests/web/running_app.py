@@ -19,7 +19,7 @@ from pinholify.web.server import listening
 
 TOKEN = "token-of-the-tests"
 PATIENCE = 90.0  # seconds, on a busy computer
-LIMITS = Limits(photograph_bytes=20_000_000, video_bytes=40_000_000, photographs=40, sessions=80)
+LIMITS = Limits(photograph_bytes=20_000_000, video_bytes=40_000_000, pixels=4_000_000, photographs=40, sessions=80)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -43,9 +42,8 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        warming = asyncio.create_task(studio.room.crew.warm_up())
+        studio.room.crew.fill()
         yield
-        warming.cancel()
         await studio.close()
 
     app = FastAPI(title="pinholify", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)

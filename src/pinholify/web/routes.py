@@ -23,7 +23,7 @@ from pinholify.io.export import FORMATS
 from pinholify.web import downloads
 from pinholify.web.desk import Event, photograph_event, result_event, session_event
 from pinholify.web.sessions import new_id
-from pinholify.web.studio import Studio, summaries
+from pinholify.web.studio import Studio, summary
 from pinholify.web.work import Function
 from pinholify.web.workroom import NotThere
 
@@ -62,7 +62,7 @@ class PhotographChange(BaseModel):
 
 
 @router.get("/about")
-def about(studio: TheStudio) -> Event:
+async def about(studio: TheStudio) -> Event:
     """What the app can do and how much it takes."""
     return {
         "version": __version__,
@@ -77,9 +77,9 @@ def about(studio: TheStudio) -> Event:
 
 
 @router.get("/sessions")
-def sessions(studio: TheStudio) -> list[Event]:
+async def sessions(studio: TheStudio) -> list[Event]:
     """All sessions, the newest first."""
-    return summaries(studio.room.session(session_id) for session_id in studio.room.store.ids())
+    return [summary(session) for session in map(studio.room.store.get, studio.room.store.ids()) if session]
 
 
 @router.post("/sessions", status_code=201)

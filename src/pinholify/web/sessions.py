@@ -13,6 +13,7 @@ Every name is one the app made itself. JSON files are replaced as a whole.
 from __future__ import annotations
 
 import json
+import logging
 import re
 import secrets
 import shutil
@@ -26,7 +27,10 @@ import numpy as np
 
 from pinholify.board import Board, parse_board
 from pinholify.corners import Corners, CornerSet
+from pinholify.errors import BoardError
 from pinholify.io.files import make_folder, writing_text
+
+log = logging.getLogger("pinholify.web")
 
 LONGEST_NAME = 120
 DESCRIPTION, PHOTOGRAPH = "session.json", "photograph.json"
@@ -138,11 +142,15 @@ class Store:
         return session
 
     def get(self, session_id: str) -> Session | None:
-        """The session of that id, None where there is none."""
+        """The session of that id, None where there is none that can be read."""
         if session_id not in self._sessions:
             if not re.fullmatch(r"[0-9a-f]{16}", session_id) or not (self.path(session_id) / DESCRIPTION).is_file():
                 return None
-            self._sessions[session_id] = self._read(session_id)
+            try:
+                self._sessions[session_id] = self._read(session_id)
+            except (KeyError, TypeError, ValueError, BoardError) as error:
+                log.warning("the session in %s is damaged and left alone: %r", self.path(session_id), error)
+                return None
         return self._sessions[session_id]
 
     def put(self, session: Session) -> None:

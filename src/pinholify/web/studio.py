@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -86,8 +85,3 @@ def summary(session: Session) -> Event:
         "level": result.get("level"),
         "thumb": shown and shown.id,
     }
-
-
-def summaries(sessions: Iterable[Session]) -> list[Event]:
-    """All sessions, for the list."""
-    return [summary(session) for session in sessions]

@@ -7,6 +7,7 @@ memory) takes nothing with it. Processes are spawned and kept for the next work.
 from __future__ import annotations
 
 import asyncio
+import importlib
 import logging
 import multiprocessing
 import os
@@ -40,12 +41,13 @@ class Crew:
         self._size = size or max(2, min(4, os.cpu_count() or 1))
         self._room = asyncio.Semaphore(self._size)
         self._idle: list[_Worker] = []
-        self._all: set[_Worker] = set()
+        self._busy: set[_Worker] = set()
         self._listeners = ThreadPoolExecutor(self._size, thread_name_prefix="pinholify-work")
 
-    async def warm_up(self) -> None:
-        """Start the processes before they are needed."""
-        await asyncio.gather(*(self.run(load) for _ in range(self._size)))
+    def fill(self) -> None:
+        """Start the processes that are missing, so that work finds them ready."""
+        while len(self._idle) + len(self._busy) < self._size:
+            self._idle.append(_Worker())
 
     async def run(self, function: Function, *arguments: object, heard: Callable[[Any], None] | None = None) -> Any:
         """``function(say, *arguments)`` in a process; ``heard`` gets all that it says.
@@ -54,43 +56,31 @@ class Crew:
         here is cancelled, the process is ended.
         """
         async with self._room:
-            worker = self._idle.pop() if self._idle else self._hired()
+            self.fill()
+            worker = self._idle.pop(0)
+            self._busy.add(worker)
             try:
-                result = await worker.do(function, arguments, heard, self._listeners)
-            except PinholifyError as error:
-                self._release(worker, keep=not isinstance(error, WorkError))
-                raise
-            except BaseException:
-                self._release(worker, keep=False)
-                raise
-            self._release(worker, keep=True)
-            return result
+                return await worker.do(function, arguments, heard, self._listeners)
+            finally:
+                self._busy.discard(worker)
+                if worker.ready:
+                    self._idle.append(worker)
+                else:
+                    worker.end()
+                    self.fill()
 
     def close(self) -> None:
-        """End all processes."""
-        for worker in list(self._all):
-            self._release(worker, keep=False)
+        """End all processes; no work may be under way."""
+        while self._idle:
+            self._idle.pop().end()
         self._listeners.shutdown(wait=False, cancel_futures=True)
-
-    def _hired(self) -> _Worker:
-        worker = _Worker()
-        self._all.add(worker)
-        return worker
-
-    def _release(self, worker: _Worker, *, keep: bool) -> None:
-        if keep:
-            self._idle.append(worker)
-            return
-        self._all.discard(worker)
-        if worker in self._idle:
-            self._idle.remove(worker)
-        worker.end()
 
 
 class _Worker:
-    """One process and the pipe to it."""
+    """One process and the pipe to it; ``ready`` unless it works, was left at work, or is dead."""
 
     def __init__(self) -> None:
+        self.ready = True
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process: BaseProcess = context.Process(target=_serve, args=(theirs,), daemon=True, name="pinholify")
@@ -101,21 +91,25 @@ class _Worker:
     async def do(
         self, function: Function, arguments: tuple[object, ...], heard: Say | None, listeners: ThreadPoolExecutor
     ) -> Any:
-        loop = asyncio.get_running_loop()
+        self.ready = False
         try:
             self._pipe.send((function, arguments))
-            while True:
-                kind, value = await loop.run_in_executor(listeners, self._pipe.recv)
-                if kind == "done":
-                    return value
-                if kind == "failed":
-                    raise value
+            while (answer := await self._answer(listeners))[0] == "said":
                 if heard is not None:
-                    heard(value)
+                    heard(answer[1])
         except (EOFError, OSError):
             raise WorkError(
                 "the work ended before it was done, perhaps for want of memory; try again, or with smaller photographs"
             ) from None
+        self.ready = True
+        kind, value = answer
+        if kind == "failed":
+            raise value
+        return value
+
+    async def _answer(self, listeners: ThreadPoolExecutor) -> tuple[str, Any]:
+        answer: tuple[str, Any] = await asyncio.get_running_loop().run_in_executor(listeners, self._pipe.recv)
+        return answer
 
     def end(self) -> None:
         self._process.kill()
@@ -126,6 +120,7 @@ class _Worker:
 def _serve(pipe: Connection) -> None:
     """The life of a process: work after work, until the app closes the pipe or ends it."""
     be_a_worker()
+    importlib.import_module("pinholify.web.solving")  # now, not when somebody waits for it
     while True:
         try:
             function, arguments = pipe.recv()
@@ -144,9 +139,3 @@ def _outcome(function: Function, arguments: tuple[object, ...], say: Say) -> tup
     except Exception:
         log.exception("%s failed", function.__name__)
         return "failed", WorkError("something went wrong inside; the terminal says more")
-
-
-def load(say: Say) -> None:
-    """Import what the work will need."""
-    import pinholify.web.looking
-    import pinholify.web.solving  # noqa: F401
