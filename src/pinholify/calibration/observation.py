@@ -76,7 +76,7 @@ def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: 
     """The board of ``view`` in the virtual plane: ``xy`` (m, 2) and ∂xy/∂uv (m, 2, 2) at the corners ``inside``."""
     count, total = int(inside.sum()), len(view)
     if count < max(MINIMUM_CORNERS, MINIMUM_INSIDE * total):
-        return unused(view, f"{count} of {total} corners lie where the virtual plane can be believed", inside)
+        return unused(view, f"{count} of {total} corners lie where the camera may be believed", inside)
     lattice, uv = view.lattice(board)[inside], view.uv[inside]
     if np.linalg.matrix_rank(lattice - lattice.mean(axis=0)) < 2:
         return unused(view, "all its corners lie on one line", inside)
