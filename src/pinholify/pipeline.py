@@ -19,6 +19,7 @@ from pinholify.refinement import JointResult, refine
 METHODS = ("auto", "joint", "one-image")
 FEWEST_FOR_JOINT = 4
 MOST_FOR_JOINT = 12_000  # corners of all boards; denser ones are condensed, not to take minutes
+SPARSE = 400  # corners of a board that are never too many: condensed, little would be left of each
 
 CENTRINGS = 2  # the first camera, from centroids, errs by a little of what it corrects
 
@@ -84,7 +85,7 @@ def _calibrate(
             corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
         )
     name = reference_view(corner_set, reference).name
-    fewer = condensed(corner_set, MOST_FOR_JOINT)
+    fewer = condensed(corner_set, max(MOST_FOR_JOINT, SPARSE * len(corner_set.found)))
     try:
         result = refine(fewer, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=progress)
     except np.linalg.LinAlgError:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pinholify import pipeline
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement import JointResult, refine
@@ -105,6 +106,26 @@ def test_a_decentred_lens_is_known_as_such() -> None:
     assert result.trend == "plane-d:2+p"
     assert not result.kernel_px
     assert covered_error(scene, result) < 0.1
+
+
+def test_the_map_is_the_same_from_the_smallest_and_most_oblique_reference(
+    scenes: dict[str, Scene], results: dict[str, JointResult]
+) -> None:
+    scene = scenes["fisheye"]
+    spans = {view.name: np.linalg.det(np.cov(view.uv.T)) for view in scene.corners.views}
+    result = refine(scene.corners, reference=min(spans, key=lambda name: spans[name]))
+    assert result.log_evidence == pytest.approx(results["fisheye"].log_evidence, abs=1e-9)
+    uv = grid(result)
+    one, two = (each.camera.to_rays(uv).directions for each in (result, results["fisheye"]))
+    np.testing.assert_allclose(one @ one.T, two @ two.T, atol=1e-12)  # but for a rotation
+
+
+def test_many_boards_of_ordinary_size_are_taken_whole(
+    scenes: dict[str, Scene], results: dict[str, JointResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "MOST_FOR_JOINT", 1)
+    camera = pipeline.calibrate(scenes["pinhole"].corners, reference="view00").camera
+    assert camera.noise_px == results["pinhole"].noise_px
 
 
 def test_residuals_stand_beside_the_corners(scenes: dict[str, Scene], results: dict[str, JointResult]) -> None:

@@ -36,6 +36,7 @@ from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
 SCREENING_LENGTH_SCALE = 0.25  # the shortest that screening resolves, in half diagonals of the image
 FIRST_LENGTH_SCALE = 0.4
+LED_STEPS = 15  # a trend that some corners do not lead to its end by then is not the lens's
 GRID = 15
 FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
 ENDS_COST = 100.0  # nats
@@ -98,7 +99,9 @@ class Candidate:
         return self.log_evidence - cost
 
 
-def solve_trend(setting: Setting, trend: Trend, known: Solution, seen: Observations) -> Solution | None:
+def solve_trend(
+    setting: Setting, trend: Trend, known: Solution, seen: Observations, *, most_steps: int = 30
+) -> Solution | None:
     """The joint solve of ``trend`` alone from the rays that ``known`` gives its corners; None where it does
     not fit.
     """
@@ -114,7 +117,7 @@ def solve_trend(setting: Setting, trend: Trend, known: Solution, seen: Observati
         turn @ known.state.rotations,
         known.state.translations @ turn.T,
     )
-    return minimise(model, state, seen, model.trend_precision(), Loss())
+    return minimise(model, state, seen, model.trend_precision(), Loss(), most_steps=most_steps)
 
 
 def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen: Observations) -> Linearised:
@@ -143,7 +146,7 @@ def solve(setting: Setting, search: Search, known: Solution, seen: Observations)
 
     Solved for some of the corners, which leads so near to what all of them say that one step makes up for the rest.
     """
-    led = solve_trend(setting, search.general, known, seen.thinned())
+    led = solve_trend(setting, search.general, known, seen.thinned(), most_steps=LED_STEPS)
     if led is None:
         return None
     model = led.model
