@@ -6,7 +6,7 @@ the axis outwards, and the spline is made finer until it repeats the lens.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -32,11 +32,10 @@ SAMPLES = 2  # a cell and axis, to fit and to test
 WIDEST = np.deg2rad(172.0)  # from the axis; straight behind, the direction away from the axis has no meaning
 NARROWEST = 1e-4  # radians
 AZIMUTHS, ANGLES = 120, 250
-FLATTEST = 0.1  # of the image's scale at the axis: where less is left the lens is about to fold back
 MOST_STRETCHED = 12.0  # times longer along one axis than along the other: a pole of the projection is near
-NEIGHBOURHOOD = 0.15  # of the angle from the axis: how far a pixel's ray is from that of the nearest sample
+LONGEST_LEAP = 0.5  # of a step between samples that the slope at its start does not tell
 STEP = 1e-6  # radians, to differentiate a projection
-LARGEST_ERROR = 1.0  # px rms; beyond it the camera is not repeated
+LEAST_COVERED = 0.01  # of the image, or the numbers are hardly those of a lens
 
 UNKNOWN_BOARD = Checkerboard(3, 3)
 """Stands in a camera file for the board of a camera that came without one."""
@@ -60,8 +59,8 @@ def adopt(theirs: ForeignCamera, *, board: Board | None = None, square_mm: float
     """``theirs`` as a camera of ours, in its own frame, the virtual plane that of its ideal pinhole image in px.
 
     ``board`` is the one that photographs would be scored on. How well theirs was calibrated is not told: standard
-    deviations are those of the fit alone. Raises CalibrationError where their camera is not one to one anywhere in the
-    image, or is too rough to be repeated.
+    deviations are those of the fit alone. Raises CalibrationError where their camera is one to one hardly anywhere in
+    the image.
     """
     lens = _lens(theirs)
     for cells in CELLS:
@@ -69,14 +68,28 @@ def adopt(theirs: ForeignCamera, *, board: Board | None = None, square_mm: float
         errors = _errors(lens, surface, hull, theirs.image_size, cells)
         if errors.max() < TOLERANCE:
             break
-    rms = float(np.sqrt((errors**2).mean()))
-    if rms > LARGEST_ERROR:
-        raise CalibrationError(
-            f"the {theirs.program} camera changes too abruptly to be repeated ({rms:.2f} px rms): its numbers are "
-            "hardly those of a lens; check them"
-        )
+    rms, largest = float(np.sqrt((errors**2).mean())), float(errors.max())
     camera = _camera(theirs, surface, hull, rms / np.sqrt(2.0), lens.sign)
-    calibration = Calibration(
+    details: dict[str, object] = {
+        "program": theirs.program,
+        "model": theirs.model,
+        "board_known": board is not None,
+        "fit_rms_px": rms,
+        "fit_largest_px": largest,
+    }
+    calibration = _calibration(theirs, camera, board, square_mm, details)
+    return Adopted(calibration, rms, largest, covered, surface.control.shape[1::-1])
+
+
+def _calibration(
+    theirs: ForeignCamera,
+    camera: VirtualCamera,
+    board: Board | None,
+    square_mm: float | None,
+    details: dict[str, object],
+) -> Calibration:
+    """What is known of how ``camera`` came about: no corners, and no error bars of K."""
+    return Calibration(
         camera,
         CornerSet(board or UNKNOWN_BOARD, theirs.image_size),
         method=METHOD,
@@ -86,15 +99,8 @@ def adopt(theirs: ForeignCamera, *, board: Board | None = None, square_mm: float
         intrinsics_std=np.full(3, np.nan),
         refined=camera.intrinsics,
         square_mm=square_mm,
-        details={
-            "program": theirs.program,
-            "model": theirs.model,
-            "board_known": board is not None,
-            "fit_rms_px": rms,
-            "fit_largest_px": float(errors.max()),
-        },
+        details=details,
     )
-    return Adopted(calibration, rms, float(errors.max()), covered, surface.control.shape[1::-1])
 
 
 def _camera(
@@ -115,15 +121,13 @@ def _camera(
 class Lens:
     """A projection as a map from angles q (n, 2), azimuthal equidistant, to pixels, and its one-to-one part.
 
-    ``angles`` and ``pixels`` (m, 2) sample that part; ``sign`` is the handedness of the image there and ``least`` the
-    smallest scale in px per radian that counts as one to one.
+    ``angles`` and ``pixels`` (m, 2) sample that part; ``sign`` is the handedness of the image there.
     """
 
     camera: ForeignCamera
     angles: Floats
     pixels: Floats
     sign: float
-    least: float
 
     def value(self, q: Floats) -> Floats:
         """Pixels (n, 2)."""
@@ -135,23 +139,21 @@ class Lens:
         sides = [(self.value(q + step) - self.value(q - step)) / (2.0 * STEP) for step in STEP * np.eye(2)]
         return np.stack(sides, axis=2)
 
-    def unfolded(self, q: Floats) -> Bools:
-        """Where the image has its handedness and scale."""
-        jacobian = self.jacobian(q)
-        known = np.isfinite(jacobian).all(axis=(1, 2))
-        good = np.zeros(len(q), dtype=bool)
+    def unfolded(self, jacobian: Floats) -> Bools:
+        """Where ∂pixel/∂q (n, 2, 2) keeps the image's handedness, far from a pole."""
+        known: Bools = np.asarray(np.isfinite(jacobian).all(axis=(1, 2)))
+        good = np.zeros(len(jacobian), dtype=bool)
         largest, smallest = np.linalg.svd(jacobian[known], compute_uv=False).T
         upright = self.sign * np.linalg.det(jacobian[known]) > 0
-        good[known] = upright & (smallest > self.least) & (largest < MOST_STRETCHED * smallest)
+        good[known] = upright & (largest < MOST_STRETCHED * smallest)
         return good
 
     def inverse(self, uv: Floats) -> Floats:
         """q (n, 2) of pixels ``uv`` (n, 2); nan where there is none on the one-to-one part."""
         start = self.angles[cKDTree(self.pixels).query(uv)[1]]
         q = newton_inverse(self, uv, start, reach=0.05)  # type: ignore[arg-type]
-        near = NEIGHBOURHOOD * np.linalg.norm(start, axis=1) + 3.0 * NARROWEST
-        found = np.linalg.norm(q - start, axis=1) < near  # no other part of a lens that folds; nan is not
-        found[found] = self.unfolded(q[found])
+        found: Bools = np.asarray(np.isfinite(q).all(axis=1))
+        found[found] = self.unfolded(self.jacobian(q[found]))
         return np.where(found[:, None], q, np.nan)
 
 
@@ -160,22 +162,37 @@ def _lens(theirs: ForeignCamera) -> Lens:
     theta = np.geomspace(NARROWEST, WIDEST, ANGLES)
     phi = np.linspace(0.0, 2.0 * np.pi, AZIMUTHS, endpoint=False)
     grid = theta[:, None, None] * np.stack([np.cos(phi), np.sin(phi)], axis=1)
-    axis = Lens(theirs, grid[0], grid[0], 1.0, 0.0)
-    middle = axis.jacobian(np.zeros((1, 2)))
+    axis = Lens(theirs, np.zeros((1, 2)), theirs.centre[None], 1.0)
+    middle = axis.jacobian(axis.angles)[0]
     if not np.isfinite(middle).all():
         raise _blind(theirs)
-    scale = np.sqrt(np.abs(np.linalg.det(middle[0])))
-    lens = Lens(theirs, grid[0], grid[0], float(np.sign(np.linalg.det(middle[0]))), FLATTEST * float(scale))
-    good = np.logical_and.accumulate(lens.unfolded(grid.reshape(-1, 2)).reshape(grid.shape[:2]), axis=0)
-    angles = np.concatenate([np.zeros((1, 2)), grid[good]])
-    return Lens(theirs, angles, lens.value(angles), lens.sign, lens.least)
+    lens = replace(axis, sign=float(np.sign(np.linalg.det(middle))))
+    angles = np.concatenate([axis.angles, grid[_followed(lens, grid)]])
+    return replace(lens, angles=angles, pixels=lens.value(angles))
+
+
+def _followed(lens: Lens, grid: Floats) -> Bools:
+    """How far along each direction of ``grid`` (angles, azimuths, 2) the image goes on: (angles, azimuths).
+
+    It ends where it folds, where it leaps (a fold or a pole between two samples), and where it has left the image.
+    """
+    values = lens.value(grid.reshape(-1, 2)).reshape(grid.shape)
+    jacobian = lens.jacobian(grid.reshape(-1, 2))
+    good = lens.unfolded(jacobian).reshape(grid.shape[:2])
+    steps = np.diff(values, axis=0)
+    ahead = np.einsum("raij,raj->rai", jacobian.reshape(*grid.shape, 2)[:-1], np.diff(grid, axis=0))
+    good[1:] &= np.linalg.norm(steps - ahead, axis=2) < LONGEST_LEAP * np.linalg.norm(steps, axis=2)
+    size = np.array(lens.camera.image_size)
+    inside: Bools = np.asarray(((values > -0.25 * size) & (values < 1.25 * size)).all(axis=2))
+    good[1:] &= inside[1:] | ~np.logical_or.accumulate(inside, axis=0)[:-1]
+    return np.logical_and.accumulate(good, axis=0)
 
 
 def _blind(theirs: ForeignCamera) -> CalibrationError:
     width, height = theirs.image_size
     return CalibrationError(
-        f"the {theirs.program} camera sees nothing in an image of {width}x{height}: check the size of the images and "
-        "the camera's numbers"
+        f"the {theirs.program} camera sees next to nothing in an image of {width}x{height}: check the size of the "
+        "images and the camera's numbers"
     )
 
 
@@ -188,10 +205,10 @@ def _fit(lens: Lens, image_size: tuple[int, int], cells: int) -> tuple[SplineSur
     q = lens.inverse(uv)
     known = np.isfinite(q).all(axis=1)
     hull = _inscribed(uv[known], uv[~known])
-    if hull.area <= 0:
+    covered = hull.area / float(np.prod(image_size))
+    if covered < LEAST_COVERED:
         raise _blind(lens.camera)
-    surface = fitted(_empty(image_size, cells), uv[known], q[known])
-    return surface, hull, hull.area / float(np.prod(image_size))
+    return fitted(_empty(image_size, cells), uv[known], q[known]), hull, covered
 
 
 def _errors(
