@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.arrays import Bools, Floats
+from pinholify.arrays import Bools, Floats, frozen
 from pinholify.camera import VirtualCamera
 from pinholify.expansion import expand
 
@@ -23,21 +23,29 @@ def source_mask(camera: VirtualCamera, max_std: float | None) -> Bools:
 
     Those whose std is at most ``max_std`` px, by default the domain's limit; where that sets none, those of its hull.
     """
+    width, height = camera.image_size
     limit = camera.domain.max_std if max_std is None else max_std
     if np.isfinite(limit):
-        return np.asarray(source_log_std(camera) <= np.log(limit + SMALLEST_STD))
-    width, height = camera.image_size
+        log_limit = np.log(limit + SMALLEST_STD)
+        if _log_std_lattice(camera).max() <= log_limit:  # nor is then anything between its places above
+            return np.ones((height, width), dtype=np.bool_)
+        return np.asarray(source_log_std(camera) <= log_limit)
     mask = np.zeros((height, width), dtype=np.uint8)
     cv2.fillConvexPoly(mask, np.round(camera.domain.hull.vertices * 16).astype(np.int32), 1, shift=4)
     return mask.view(np.bool_)
 
 
-@lru_cache(maxsize=4)
 def source_log_std(camera: VirtualCamera) -> NDArray[np.float32]:
-    """Logarithm of the map's std in px at every pixel of the original image: (height, width), read-only.
+    """Logarithm of the map's std in px at every pixel of the original image: (height, width).
 
     Interpolated between some thousand places, in truth to a per cent or so of the std; nan where the map has no answer.
     """
+    return np.asarray(cv2.resize(_log_std_lattice(camera), camera.image_size), dtype=np.float32)
+
+
+@lru_cache(maxsize=8)
+def _log_std_lattice(camera: VirtualCamera) -> NDArray[np.float32]:
+    """The same on a lattice of places in the middle of equal cells, read-only."""
     size = np.array(camera.image_size)
     lattice = np.maximum(np.rint(LATTICE * size / size.max()), 2).astype(np.int64)
     log_std = expand(
@@ -46,9 +54,7 @@ def source_log_std(camera: VirtualCamera) -> NDArray[np.float32]:
         outputs=1,
         tolerance=STD_TOLERANCE,
     )[0]
-    whole = np.asarray(cv2.resize(log_std, camera.image_size), dtype=np.float32)
-    whole.flags.writeable = False
-    return whole
+    return frozen(log_std, (None, None), np.float32)
 
 
 def believable(camera: VirtualCamera, pixels: Floats, max_std: float | None) -> Bools:
