@@ -11,6 +11,7 @@ from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import AngleChart, Intrinsics
 from pinholify.errors import CalibrationError, InputError
 from pinholify.geometry import convex_hull
+from pinholify.io.export.base import pinhole_export
 from pinholify.rectification.maps import rectification_map, remap
 from pinholify.rectification.rectangle import largest_rectangle
 from pinholify.rectification.straightener import Straightener
@@ -228,3 +229,9 @@ def test_a_view_turned_from_all_that_is_seen_is_black(fisheye):
     made = rectification_map(fisheye, view)
     assert not made.valid.any()
     assert not remap(np.full((SIZE[1], SIZE[0]), 255, np.uint8), made).any()
+
+
+def test_only_flat_views_are_exported_as_pinhole_cameras(fisheye):
+    assert pinhole_export(fisheye, "cube-right", size=(60, 60)).intrinsics == pytest.approx((30.0, 30.0, 29.5, 29.5))
+    with pytest.raises(InputError, match="'cylindrical' is no pinhole camera"):
+        pinhole_export(fisheye, "cylindrical")

@@ -16,6 +16,7 @@ from pinholify.errors import InputError, OutputError
 from pinholify.io.export import format_named
 from pinholify.rectification.maps import RectificationMap, rectification_map
 from pinholify.rectification.straightener import Straightener
+from pinholify.rectification.surfaces import Plane
 from pinholify.rectification.views import View, believable, image_samples
 
 OUTSIDE = -1.0
@@ -97,6 +98,8 @@ def pinhole_export(
     nothing.
     """
     view = Straightener(camera, view_name, size, max_std=max_std).view
+    if not isinstance(view.surface, Plane):
+        raise InputError(f"the view '{view_name}' is no pinhole camera, which is what is exported; choose a flat view")
     return PinholeExport(camera, view_name, max_std, rectification_map(camera, view, max_std=max_std))
 
 
