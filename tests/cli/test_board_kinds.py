@@ -40,7 +40,7 @@ def printed_page(run, path: Path, spec: str) -> Picture:
 def photographs(folder: Path, lens: Lens, texture: Picture, spec: str, count: int) -> np.ndarray:
     """Writes ``count`` photographs and returns the true f, uc, vc of the first one's board."""
     rays = pixel_rays(lens)
-    margin = 0.013 if spec.startswith("aprilgrid") else 0.05  # circles reach farther than their centres
+    margin = {"aprilgrid": 0.013, "circles:7": 0.05}.get(spec[:9], 0.025)  # circles reach beyond their centres
     poses = board_poses([lens], parse_board(spec), count, seed=7, margin=margin, tilt=38.0)
     folder.mkdir()
     for i, pose in enumerate(poses):
@@ -60,7 +60,7 @@ def check(run, tmp_path: Path, spec: str, lens: Lens, count: int) -> None:
     images = json.loads(found.out)["images"]
     whole = board.columns * board.rows
     assert sum(image["corners"] == whole for image in images) >= count - 1  # one may lose a row at the image's border
-    assert all(image["corners"] > 0.9 * whole for image in images)
+    assert all(image["corners"] > 0.8 * whole for image in images)
     assert all((image["orientation"] == "known") == board.orientable for image in images)
     size = f"{lens.size[0]}x{lens.size[1]}"
     made = run("calibrate", "--corners", str(tmp_path / "c.vnl"), "--image-size", size, "--board", spec, "--reference",
