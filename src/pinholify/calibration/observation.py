@@ -31,9 +31,10 @@ WIDEST = np.deg2rad(85.0)  # from the axis; near 90° virtual points run to infi
 class MappedBoard:
     """A board in the virtual plane.
 
-    ``inside`` (n,) marks the corners that count; ``lattice``, ``uv``, ``xy`` (m, 2) and ``whitening`` (m, 2, 2: squares
-    to px) are those corners alone. ``used`` says whether the board counts for K and the measures, ``reason`` why not.
-    ``homography`` (3, 3) takes the lattice to the virtual plane, ``misfit_px`` is its RMS distance a corner in px.
+    ``inside`` (n,) marks the corners that count; ``lattice``, ``uv``, ``xy`` (m, 2), ``weights`` (m,) and ``whitening``
+    (m, 2, 2: squares to px times the weight) are those corners alone. ``used`` says whether the board counts for K and
+    the measures, ``reason`` why not. ``homography`` (3, 3) takes the lattice to the virtual plane, ``misfit_px`` is its
+    RMS distance a corner in px.
     """
 
     name: str
@@ -44,6 +45,7 @@ class MappedBoard:
     lattice: Floats
     uv: Floats
     xy: Floats
+    weights: Floats
     whitening: Floats
     homography: Floats
     misfit_px: float
@@ -62,13 +64,21 @@ class ObservedBoard:
     refined_covariance: Floats
     projected: Floats
 
+    @property
+    def residual_px(self) -> Floats:
+        """What the refined pose leaves at the corners inside, (m, 2) px; each corner counts alike."""
+        board = self.board
+        moved = board.whitening @ (self.projected - board.xy)[:, :, None]
+        return np.asarray(moved[:, :, 0] / board.weights[:, None])
+
 
 def unused(view: Corners, reason: str, inside: Bools | None = None) -> MappedBoard:
     """A board that does not count, and why."""
     inside = np.zeros(len(view), dtype=bool) if inside is None else inside
     nothing = np.empty((0, 2))
     return MappedBoard(
-        view.name, False, reason, len(view), inside, nothing, nothing, nothing, np.empty((0, 2, 2)), np.eye(3), np.nan
+        view.name, False, reason, len(view), inside,
+        nothing, nothing, nothing, np.empty(0), np.empty((0, 2, 2)), np.eye(3), np.nan,
     )
 
 
@@ -80,13 +90,14 @@ def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: 
     lattice, uv = view.lattice(board)[inside], view.uv[inside]
     if np.linalg.matrix_rank(lattice - lattice.mean(axis=0)) < 2:
         return unused(view, "all its corners lie on one line", inside)
-    whitening = np.linalg.inv(jacobian) * view.weights[inside][:, None, None]
+    weights = view.weights[inside]
+    whitening = np.linalg.inv(jacobian) * weights[:, None, None]
     homography = estimate_homography(lattice, xy, whitening)
     if np.linalg.det(homography_jacobian(homography, lattice.mean(axis=0, keepdims=True))[0]) < 0:
         return unused(view, "its corners are numbered with the other handedness than the reference's", inside)
     residual = (whitening @ (apply_homography(homography, lattice) - xy)[:, :, None])[:, :, 0]
     misfit = float(np.sqrt((residual**2).sum(axis=1).mean()))
-    return MappedBoard(view.name, True, "", total, inside, lattice, uv, xy, whitening, homography, misfit)
+    return MappedBoard(view.name, True, "", total, inside, lattice, uv, xy, weights, whitening, homography, misfit)
 
 
 def map_boards(corner_set: CornerSet, plane_map: PlaneMap, inside: list[Bools]) -> list[MappedBoard]:

@@ -169,10 +169,7 @@ def _board_score(board: MappedBoard, observed: ObservedBoard | None, calibration
 def _pooled(observed: dict[str, ObservedBoard], calibration: Calibration) -> Pooled:
     boards, intrinsics = list(observed.values()), calibration.camera.intrinsics
     lines = [collinearity_errors(o.board.lattice, o.board.xy) for o in boards]
-    residuals = [
-        (o.board.whitening @ (o.projected - o.board.xy)[:, :, None])[:, :, 0]
-        for o in boards
-    ]
+    residuals = [o.residual_px for o in boards]
     return Pooled(
         float(np.concatenate(lines).mean()) if lines else float("nan"),
         root_mean_square(closed_form_percent(o, intrinsics) for o in boards),

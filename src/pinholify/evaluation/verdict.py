@@ -80,8 +80,7 @@ def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
             continue
         board = observed.board
         each = np.full((len(view), 2), np.nan)
-        error = (board.whitening @ (observed.projected - board.xy)[:, :, None])[:, :, 0]
-        each[board.inside] = error / view.weights[board.inside, None]
+        each[board.inside] = observed.residual_px
         residuals[view.name], inliers[view.name] = each, board.inside & np.isfinite(each).all(axis=1)
     # A board can only look wrong beside the others: where they all misfit it is the camera that does.
     typical = [np.sqrt((residuals[n][keep] ** 2).mean()) for n, keep in inliers.items() if keep.any()]
