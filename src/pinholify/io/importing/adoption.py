@@ -33,7 +33,6 @@ WIDEST = np.deg2rad(172.0)  # from the axis; straight behind, the direction away
 NARROWEST = 1e-4  # radians
 AZIMUTHS, ANGLES = 120, 250
 MOST_STRETCHED = 12.0  # times longer along one axis than along the other: a pole of the projection is near
-LONGEST_LEAP = 0.5  # of a step between samples that the slope at its start does not tell
 STEP = 1e-6  # radians, to differentiate a projection
 LEAST_COVERED = 0.01  # of the image, or the numbers are hardly those of a lens
 
@@ -174,14 +173,11 @@ def _lens(theirs: ForeignCamera) -> Lens:
 def _followed(lens: Lens, grid: Floats) -> Bools:
     """How far along each direction of ``grid`` (angles, azimuths, 2) the image goes on: (angles, azimuths).
 
-    It ends where it folds, where it leaps (a fold or a pole between two samples), and where it has left the image.
+    It ends where it folds and where it has left the image: what comes back beyond is another part of the formula.
     """
-    values = lens.value(grid.reshape(-1, 2)).reshape(grid.shape)
-    jacobian = lens.jacobian(grid.reshape(-1, 2))
-    good = lens.unfolded(jacobian).reshape(grid.shape[:2])
-    steps = np.diff(values, axis=0)
-    ahead = np.einsum("raij,raj->rai", jacobian.reshape(*grid.shape, 2)[:-1], np.diff(grid, axis=0))
-    good[1:] &= np.linalg.norm(steps - ahead, axis=2) < LONGEST_LEAP * np.linalg.norm(steps, axis=2)
+    flat = grid.reshape(-1, 2)
+    values = lens.value(flat).reshape(grid.shape)
+    good = lens.unfolded(lens.jacobian(flat)).reshape(grid.shape[:2])
     size = np.array(lens.camera.image_size)
     inside: Bools = np.asarray(((values > -0.25 * size) & (values < 1.25 * size)).all(axis=2))
     good[1:] &= inside[1:] | ~np.logical_or.accumulate(inside, axis=0)[:-1]
