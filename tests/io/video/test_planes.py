@@ -68,7 +68,7 @@ def test_what_is_not_known_is_black(pixel_format, full, black):
     size = (32, 24)
     rectification = affine_map(size)
     rectification.valid[:, 16:] = False
-    rectification.uv[:, 16:] = np.nan
+    rectification.uv[:, 24:] = np.nan
     out = frame_straightener(rectification, size, pixel_format, full_range=full)(frame_of(0, size, pixel_format))
     for i, value in enumerate(black):
         samples = plane(out, i)
