@@ -38,6 +38,9 @@ def test_the_board_and_the_camera_are_found(client: httpx.Client, calibrated: st
     assert result["f_px"] == pytest.approx(true_focal_px(), abs=5 * result["f_px_std"])
     assert result["f_px_std"] < 0.005 * result["f_px"]
     assert result["level"] in {"good", "fair"}
+    assert result["sentence"].endswith(".")
+    assert "to gain most" not in result["sentence"]
+    assert result["next"]["place"]
     assert set(result["boards"]) == {photograph["id"] for photograph in state["photographs"]}
     for photograph in state["photographs"]:
         assert len(result["boards"][photograph["id"]]["residuals"]) == len(photograph["uv"]) == 54

@@ -143,9 +143,10 @@ def _verdict(verdict: Verdict | None, camera: VirtualCamera) -> dict[str, Any]:
     if verdict is None:
         return {"level": None, "sentence": None, "next": None}
     advice = verdict.next_board
+    judged, gain, _ = verdict.sentence.partition("; to gain most")  # which the page says with an outline
     return {
         "level": verdict.level,
-        "sentence": verdict.sentence,
+        "sentence": f"{judged}." if gain else judged,
         "next": advice
         and {
             "place": place(advice, camera.image_size),

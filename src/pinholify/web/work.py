@@ -26,6 +26,8 @@ Say = Callable[[Any], None]
 Function = Callable[..., Any]
 """Work: called with a :data:`Say` and then its arguments, in another process."""
 
+FEWEST, MOST = 3, 6  # processes: one calibrates, one looks at what arrives, one answers
+
 log = logging.getLogger("pinholify.web")
 
 
@@ -34,11 +36,11 @@ class WorkError(PinholifyError):
 
 
 class Crew:
-    """Up to ``size`` processes, made when they are first needed. All methods are for one event loop's thread."""
+    """``size`` processes, by default as many as suit this computer. All methods are for one event loop's thread."""
 
     def __init__(self, size: int | None = None) -> None:
         """No process is started yet."""
-        self._size = size or max(2, min(4, os.cpu_count() or 1))
+        self._size = size or max(FEWEST, min(MOST, os.cpu_count() or 1))
         self._room = asyncio.Semaphore(self._size)
         self._idle: list[_Worker] = []
         self._busy: set[_Worker] = set()

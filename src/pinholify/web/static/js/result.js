@@ -24,6 +24,7 @@ export function drawResult() {
   aside.replaceChildren(...[verdict(), focal(), errors(), coverage(), takeAway()].filter(Boolean));
   for (const id of open) byId(id)?.setAttribute("open", "");
   aside.classList.toggle("stale", stale());
+  aside.classList.toggle("unjudged", !state.final || stale());
   sayVerdict();
 }
 

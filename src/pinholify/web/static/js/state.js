@@ -85,7 +85,7 @@ export function onStage() {
 }
 
 /** Whether there is a result that another will take the place of, or ought to. */
-export const stale = () => state.result !== null && (!state.final || state.pending || outdated());
+export const stale = () => state.result !== null && (state.pending || outdated());
 
 /** Whether the result is of other photographs than those that count now. */
 export function outdated() {
