@@ -18,6 +18,7 @@ from pinholify.detection.circles import detect_circles
 from pinholify.detection.growth import FEWEST, grower
 from pinholify.detection.intensity import Grey, grey_levels
 from pinholify.detection.lattice import Lattice
+from pinholify.detection.merging import merged
 from pinholify.detection.placement import ends, place
 from pinholify.detection.refine import refine_lattice
 from pinholify.errors import BoardError
@@ -88,8 +89,10 @@ def _searches(grey: Grey) -> Iterator[list[Lattice]]:
     for level in [*range(levels, -1, -1), levels + 1]:
         reduced = _reduced(grey, level)
         if min(reduced.shape) >= SMALLEST_SIDE:
-            grown = grower(reduced, find_candidates(reduced)).lattices()
-            refined = [refine_lattice(grey, _enlarged(lattice, 2**level)) for lattice in grown]
+            growing = grower(reduced, find_candidates(reduced))
+            parts = list(growing.lattices())
+            wholes = [growing.grow(lattice) for lattice in merged(parts)]
+            refined = [refine_lattice(grey, _enlarged(lattice, 2**level)) for lattice in parts + wholes]
             yield [lattice for lattice in refined if len(lattice) >= FEWEST]
 
 
