@@ -167,7 +167,8 @@ def _start_grid(camera: VirtualCamera) -> tuple[Floats, cKDTree, float]:
     u, v = np.linspace(0, width - 1, START_GRID), np.linspace(0, height - 1, START_GRID)
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     grid = np.concatenate([grid, hull.vertices, hull.vertices.mean(axis=0, keepdims=True)])
-    handedness = np.sign(np.linalg.det(camera.plane_map.jacobian(grid)))
+    with np.errstate(invalid="ignore"):  # a map may hold nothing in places
+        handedness = np.sign(np.linalg.det(camera.plane_map.jacobian(grid)))
     keep = handedness == np.sign(handedness[hull.contains(grid)].sum())
     grid = grid[keep]
     return grid, cKDTree(camera.plane_map.value(grid)), 2.0 * max(u[1], v[1])

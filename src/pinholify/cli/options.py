@@ -54,7 +54,11 @@ def length(text: str) -> float:
 def board_option(function: F) -> F:
     """``--board``, required."""
     return click.option(
-        "--board", type=board, required=True, help="Inner corners of the board, columns x rows, e.g. 15x9."
+        "--board",
+        type=board,
+        required=True,
+        help="The board: inner corners, columns x rows, e.g. 15x9; or charuco:9x7:DICT_4X4_100:0.5, "
+        "aprilgrid:6x6:tag36h11:0.3, circles:7x5, circles:4x11:asymmetric, gray:1920x1080:16.",
     )(function)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pinholify.calibration.result import Calibration
 from pinholify.evaluation.summary import Evaluation
 from pinholify.evaluation.verdict import Verdict
@@ -110,11 +112,12 @@ def _facts(evaluation: Evaluation) -> list[tuple[str, str]]:
     lengths = zip(("f", "uc", "vc"), (k.f, k.uc, k.vc), calibration.intrinsics_std, strict=True)
     facts = [("trend", f"{calibration.trend}, kernel {calibration.kernel}")]
     facts += [
-        (name, f"{value:.5f} ± {std:.5f} squares{_millimetres(value, calibration.square_mm)}")
+        (name, f"{value:.5f}{_spread(std)} squares{_millimetres(value, calibration.square_mm)}")
         for name, value, std in lengths
     ]
+    if np.isfinite(calibration.camera.noise_px):
+        facts.append(("noise", f"{calibration.camera.noise_px:.3f} px"))
     facts += [
-        ("noise", f"{calibration.camera.noise_px:.3f} px"),
         ("CE", f"{pooled.ce * 1e4:.3f}e-4 ({rest.ce * 1e4:.3f}e-4 without the reference)"),
         ("RE", f"{pooled.re_percent:.3f} % closed form"),
         ("RE, refined", f"{pooled.re_refined_percent:.3f} % ({pooled.re_px:.3f} px)"),
@@ -125,6 +128,11 @@ def _facts(evaluation: Evaluation) -> list[tuple[str, str]]:
     if evaluation.kfold_px is not None:
         facts.append(("held out", f"{evaluation.kfold_px:.3f} px over five folds"))
     return facts
+
+
+def _spread(std: float) -> str:
+    """± and the standard deviation, where one is known: an imported camera brings none."""
+    return f" ± {std:.5f}" if np.isfinite(std) else ""
 
 
 def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
