@@ -67,13 +67,11 @@ def solve(say: Say, question: Question) -> None:
         return
     calibration = _solved(partial(again, corners, square_mm=question.square_mm))
     write_camera(question.folder / CAMERA, calibration)
-    say(_told("camera", question, calibration, _scored(calibration, corners)))
+    insample = _scored(calibration, corners)
+    say(_told("camera", question, calibration, insample))
     method = partial(again, method=calibration.method)
-    evaluation = _scored(calibration, corners, lambda part, name: method(part, reference=name))
-    if evaluation is not None:
-        say(_told("evaluated", question, calibration, evaluation, judge(evaluation, corners)))
-    else:
-        say(_told("evaluated", question, calibration, None))
+    evaluation = _scored(calibration, corners, lambda part, name: method(part, reference=name)) or insample
+    say(_told("evaluated", question, calibration, evaluation, _judged(evaluation, corners)))
 
 
 def _first_look(say: Say, question: Question) -> bool:
@@ -102,6 +100,13 @@ def _scored(calibration: Calibration, corners: CornerSet, recalibrate: Any = Non
     try:
         return evaluate(calibration, corners, recalibrate=recalibrate, compare_opencv=False)
     except (PinholifyError, np.linalg.LinAlgError):
+        return None
+
+
+def _judged(evaluation: Evaluation | None, corners: CornerSet) -> Verdict | None:
+    try:
+        return None if evaluation is None else judge(evaluation, corners)
+    except np.linalg.LinAlgError:
         return None
 
 

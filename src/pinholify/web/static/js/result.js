@@ -84,7 +84,7 @@ function focal() {
   const { result } = state;
   if (!result) return null;
   const facts = [
-    ["sees", `${result.width_degrees.toFixed(1)}° across`],
+    ["sees", result.width_degrees === null ? "?" : `${result.width_degrees.toFixed(1)}° across`],
     ["unseen photographs are off by", result.heldout_px === null ? "–" : `${result.heldout_px.toFixed(2)} px`],
     ["noise of a corner", `${result.noise_px.toFixed(2)} px`],
     ["covers", `${Math.round(100 * result.covered)} % of the picture`],
