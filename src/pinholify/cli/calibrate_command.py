@@ -10,6 +10,7 @@ import click
 
 from pinholify.cli import options
 from pinholify.cli.options import (
+    Auto,
     board_option,
     check_output,
     examples,
@@ -18,7 +19,7 @@ from pinholify.cli.options import (
     print_json,
 )
 from pinholify.cli.report_command import check_report_output, gathered_report, write_to
-from pinholify.cli.sources import gather_corners, input_files, solving
+from pinholify.cli.sources import gather_corners, input_files, look_again_with_progress, solving
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
@@ -31,6 +32,7 @@ FEWEST_BOARDS = 3  # the reference and two that stand otherwise
     "calibrate",
     epilog=examples(
         "pinholify calibrate photos/ --board 15x9 --square 25mm -o camera.npz",
+        "pinholify calibrate photos/ --board auto",
         "pinholify calibrate --corners corners.vnl --image-size 3840x2160 --board 15x9",
     ),
 )
@@ -52,6 +54,8 @@ FEWEST_BOARDS = 3  # the reference and two that stand otherwise
     help="auto: by evidence. One image: constant (the paper's), homography, lens[:order], polynomial[:order]. "
     "Joint: plane[:order], angle[:order], polynomial[:order], plane-d, angle-d.",
 )
+@click.option("--refine-corners", is_flag=True,
+              help="Look again at the photographs once the camera is known, for finer and more corners.")
 @click.option("--mirrored", is_flag=True, help="The camera looks into a mirror: the image is a reflection.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
 @click.option("--heldout/--no-heldout", default=True, show_default=True,
@@ -62,7 +66,7 @@ FEWEST_BOARDS = 3  # the reference and two that stand otherwise
 @force_option
 def command(
     images: tuple[Path, ...],
-    board: Board,
+    board: Board | Auto,
     output: Path,
     table: str | None,
     image_size: tuple[int, int] | None,
@@ -71,6 +75,7 @@ def command(
     method: str,
     kernel: str,
     trend: str,
+    refine_corners: bool,
     mirrored: bool,
     opencv: bool,
     heldout: bool,
@@ -90,6 +95,8 @@ def command(
     from pinholify.pipeline import calibrate
 
     method = chosen_method(method, kernel, trend)
+    if refine_corners and table is not None:
+        raise click.UsageError("--refine-corners looks at photographs; a corner table has none")
     files = input_files(images, table)
     check_output(output, force=force, is_ours=is_camera_file, inputs=files)
     if report is not None:
@@ -98,6 +105,9 @@ def command(
     again = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored)
     with solving():
         calibration = again(corner_set, reference=reference, square_mm=square_mm)
+        if refine_corners:
+            corner_set = look_again_with_progress(files, corner_set, calibration.camera)
+            calibration = again(corner_set, reference=calibration.reference, square_mm=square_mm)
         again = partial(again, method=calibration.method)
         evaluation = evaluate(
             calibration,

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinholify.cli.options import board_option, check_output, examples, force_option, json_option, print_json, say
+from pinholify.cli.options import (
+    Auto,
+    board_option,
+    check_output,
+    examples,
+    force_option,
+    json_option,
+    print_json,
+    say,
+)
 from pinholify.cli.sources import detect_with_progress, input_files, is_corner_table
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -16,18 +25,28 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.corners import CornerSet
 
 
-@click.command("detect", epilog=examples("pinholify detect photos/*.jpg --board 15x9 -o corners.vnl"))
+@click.command(
+    "detect",
+    epilog=examples(
+        "pinholify detect photos/*.jpg --board 15x9 -o corners.vnl",
+        "pinholify detect photos/ --board auto --json -o corners.vnl",
+        "pinholify detect photos/ --board 15x9 --camera camera.npz -o more-corners.vnl",
+    ),
+)
 @click.argument("images", nargs=-1, required=True, type=click.Path(path_type=Path))
 @board_option
 @click.option("-o", "output", type=click.Path(), default="-", show_default=True, help="Corner table to write.")
+@click.option("--camera", type=click.Path(path_type=Path), metavar="FILE",
+              help="The camera that took the images: look again where it expects corners that were missed.")
 @click.option("--mirrored", is_flag=True, help="The image is a reflection: number the corners left-handed.")
 @click.option("--workers", type=click.IntRange(1), help="Processes to use; all cores by default.")
 @json_option
 @force_option
 def command(
     images: tuple[Path, ...],
-    board: Board,
+    board: Board | Auto,
     output: str,
+    camera: Path | None,
     mirrored: bool,
     workers: int | None,
     as_json: bool,
@@ -37,12 +56,15 @@ def command(
 
     EXIF rotation is ignored: a calibration belongs to the sensor. With --json and -o - the table is not printed.
     """
+    from pinholify.io.camera_file import read_camera
     from pinholify.io.corner_tables import write_corner_table
 
     files = input_files(images, None)
     if output != "-":
         check_output(Path(output), force=force, is_ours=is_corner_table, inputs=files)
-    corners = detect_with_progress(files, board, mirrored, workers=workers)
+    known = None if camera is None else read_camera(camera).camera
+    mirrored = mirrored or (known is not None and known.mirrored)
+    corners = detect_with_progress(files, board, mirrored, camera=known, workers=workers)
     if output != "-":
         write_corner_table(output, corners)
         say(f"wrote {output}: boards in {len(corners.found)} of {len(corners.views)} images")

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
 
 import click
 
@@ -20,6 +20,9 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+Auto = Literal["auto"]
+AUTO: Final = "auto"
 
 LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
@@ -32,6 +35,11 @@ def board(text: str) -> Board:
         return parse_board(text)
     except BoardError as error:
         raise click.BadParameter(str(error)) from None
+
+
+def board_or_auto(text: str) -> Board | Auto:
+    """A board, or "auto", which the photographs tell; raises BadParameter with what may be written."""
+    return AUTO if text.strip() == AUTO else board(text)
 
 
 def size(text: str) -> tuple[int, int]:
@@ -55,10 +63,11 @@ def board_option(function: F) -> F:
     """``--board``, required."""
     return click.option(
         "--board",
-        type=board,
+        type=board_or_auto,
         required=True,
-        help="The board: inner corners, columns x rows, e.g. 15x9; or charuco:9x7:DICT_4X4_100:0.5, "
-        "aprilgrid:6x6:tag36h11:0.3, circles:7x5, circles:4x11:asymmetric, gray:1920x1080:16.",
+        help="The board: inner corners, columns x rows, e.g. 15x9; auto: the checkerboard that most photographs show "
+        "whole; or charuco:9x7:DICT_4X4_100:0.5, aprilgrid:6x6:tag36h11:0.3, circles:7x5, circles:4x11:asymmetric, "
+        "gray:1920x1080:16.",
     )(function)
 
 

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pinholify.cli.options import progress, say
+from pinholify.cli.options import Auto, progress, say
 from pinholify.cli.stills import stills_for_videos
 from pinholify.errors import CalibrationError, CornerTableError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
+    from pinholify.camera import VirtualCamera
     from pinholify.corners import CornerSet
 
 NAMES_SHOWN = 4
@@ -33,24 +34,60 @@ def input_files(images: Sequence[Path], table: str | None) -> list[Path]:
 
 
 def detect_with_progress(
-    images: Sequence[Path], board: Board, mirrored: bool, *, workers: int | None = None, needed: int = 1
+    images: Sequence[Path],
+    board: Board | Auto,
+    mirrored: bool,
+    *,
+    camera: VirtualCamera | None = None,
+    workers: int | None = None,
+    needed: int = 1,
 ) -> CornerSet:
-    """The corners of ``board`` in image files, and in frames of videos.
+    """The corners of ``board`` in image files, and in frames of videos; with a ``camera``, after a second look.
 
     Says which show none; CalibrationError if fewer than ``needed`` do.
     """
     from pinholify.detection import detect_files
 
-    with stills_for_videos(images) as files, progress("Looking for boards", len(files)) as advance:
-        corners = detect_files(files, board, mirrored=mirrored, workers=workers, on_result=lambda _: advance())
+    with stills_for_videos(images) as files:
+        known = _agreed_board(files, workers) if isinstance(board, str) else board
+        with progress("Looking for boards", len(files)) as advance:
+            corners = detect_files(files, known, mirrored=mirrored, workers=workers, on_result=lambda _: advance())
+        if camera is not None:
+            corners = _again(files, corners, camera, workers)
     check_found(corners, needed)
     return corners
+
+
+def look_again_with_progress(images: Sequence[Path], corners: CornerSet, camera: VirtualCamera) -> CornerSet:
+    """``corners``, found in ``images``, after a second look with their ``camera``."""
+    with stills_for_videos(images) as files:
+        return _again(files, corners, camera, None)
+
+
+def _again(files: Sequence[Path], corners: CornerSet, camera: VirtualCamera, workers: int | None) -> CornerSet:
+    from pinholify.detection import look_again_in_files
+
+    with progress("Looking again", len(files)) as advance:
+        more = look_again_in_files(files, corners, camera, workers=workers, on_result=lambda _: advance())
+    before, after = (sum(map(len, found.views)) for found in (corners, more))
+    say(f"a second look, with the camera known: {after} corners where the first found {before}")
+    return more
+
+
+def _agreed_board(files: Sequence[Path], workers: int | None) -> Board:
+    """The checkerboard that most of ``files`` show whole; says which it is."""
+    from pinholify.detection import detect_size_in_files
+
+    with progress("Looking for the board's size", len(files)) as advance:
+        board, count = detect_size_in_files(files, workers=workers, on_result=lambda _: advance())
+    say(f"the board has {board.spec} inner corners: it is seen whole in {count} of {len(files)} images")
+    return board
 
 
 def gather_corners(
     images: Sequence[Path],
     table: str | None,
-    board: Board,
+    board: Board | Auto,
     image_size: tuple[int, int] | None,
     mirrored: bool,
     *,
@@ -69,6 +106,8 @@ def gather_corners(
         return detect_with_progress(files, board, mirrored, needed=needed)
     if image_size is None:
         raise click.UsageError("--corners needs --image-size WxH: a table does not tell the size of the images")
+    if isinstance(board, str):
+        raise click.UsageError("--board auto goes with photographs; give the board of a corner table, e.g. 9x6")
     corners = read_corners(sys.stdin if table == "-" else table, board=board, image_size=image_size)
     check_plausible(corners)
     check_found(corners, needed)

@@ -9,14 +9,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
-from pinholify.board import Board
+from pinholify.board import Board, Checkerboard
+from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet, not_found
-from pinholify.detection.detect import detect_board
+from pinholify.detection.detect import detect_board, detect_size
 from pinholify.detection.placement import LARGER
+from pinholify.detection.second_look import look_again
 from pinholify.errors import BoardError, ImageError
 from pinholify.io.images import read_image
 from pinholify.io.processes import be_a_worker, interrupts_ignored
+
+_Job = TypeVar("_Job")
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,13 +56,87 @@ def detect_files(
     jobs = list(zip(files, unique_names(files), strict=True))
     seen = []
     detect = partial(_detect_file, board=board, mirrored=mirrored)
-    for result in _map(detect, jobs, workers or os.cpu_count() or 1):
+    for result in _map(detect, jobs, workers):
         seen.append(result)
         if on_result is not None:
             on_result(result.corners)
     views = tuple(result.corners for result in seen)
     _check_size_of_board(views, board)
     return CornerSet(board, _common_size(seen), views)
+
+
+def look_again_in_files(
+    paths: Sequence[str | Path],
+    corners: CornerSet,
+    camera: VirtualCamera,
+    *,
+    workers: int | None = 1,
+    on_result: Callable[[Corners], object] | None = None,
+) -> CornerSet:
+    """``corners``, found in the image files ``paths``, after a second look with their ``camera``.
+
+    See :func:`pinholify.detection.look_again`; ``workers`` and ``on_result`` are as of :func:`detect_files`. Raises
+    ImageError where the images have another size than the camera's.
+    """
+    if corners.image_size != camera.image_size:
+        raise ImageError(
+            f"the images have {_pixels(corners.image_size)} px, but the camera was calibrated at "
+            f"{_pixels(camera.image_size)}: give its own photographs, or no camera"
+        )
+    views = []
+    again = partial(_look_again_in_file, board=corners.board, camera=camera)
+    for view in _map(again, list(zip(map(Path, paths), corners.views, strict=True)), workers):
+        views.append(view)
+        if on_result is not None:
+            on_result(view)
+    return corners.with_views(views)
+
+
+def _look_again_in_file(job: tuple[Path, Corners], *, board: Board, camera: VirtualCamera) -> Corners:
+    path, view = job
+    return look_again(read_image(path), view, board, camera) if view.found else view
+
+
+def _pixels(image_size: tuple[int, int]) -> str:
+    return f"{image_size[0]}x{image_size[1]}"
+
+
+def detect_size_in_files(
+    paths: Sequence[str | Path],
+    *,
+    workers: int | None = 1,
+    on_result: Callable[[Checkerboard | None], object] | None = None,
+) -> tuple[Checkerboard, int]:
+    """The checkerboard that most of the image files ``paths`` show whole, columns ≥ rows, and how many of them do.
+
+    A board that an image cuts short tells no size. ``workers`` are as of :func:`detect_files`; ``on_result`` is called
+    with what each image tells. Raises BoardError where no image tells a size, and where as many tell another.
+    """
+    sizes = Counter[Checkerboard]()
+    for board in _map(_size_in_file, [Path(path) for path in paths], workers):
+        if board is not None:
+            sizes[board] += 1
+        if on_result is not None:
+            on_result(board)
+    if not sizes:
+        raise BoardError(
+            f"the size of the board cannot be told: no checkerboard is seen whole in {len(paths)} images; "
+            "give its inner corners, columns x rows, for example 9x6"
+        )
+    (board, count), *others = sizes.most_common()
+    if others and others[0][1] == count:
+        raise BoardError(
+            f"the size of the board cannot be told: {count} of {len(paths)} images show {board.spec} inner corners and "
+            f"as many show {others[0][0].spec}; give the one to look for"
+        )
+    return board, count
+
+
+def _size_in_file(path: Path) -> Checkerboard | None:
+    try:
+        return detect_size(read_image(path))
+    except ImageError:
+        return None
 
 
 def _check_size_of_board(views: Sequence[Corners], board: Board) -> None:
@@ -99,12 +179,12 @@ def _detect_file(job: tuple[Path, str], *, board: Board, mirrored: bool) -> _See
     return _Seen(detect_board(image, board, name=name, mirrored=mirrored), (width, height))
 
 
-def _map(function: partial[_Seen], jobs: list[tuple[Path, str]], workers: int) -> Iterator[_Seen]:
+def _map(function: Callable[[_Job], _Result], jobs: Sequence[_Job], workers: int | None) -> Iterator[_Result]:
     """``function`` of every job, in order. Processes are spawned: a fork after OpenCV has run threads can
     hang.
     """
-    workers = min(workers, len(jobs))
-    if workers == 1:
+    workers = min(workers or os.cpu_count() or 1, len(jobs))
+    if workers <= 1:
         yield from map(function, jobs)
         return
     with interrupts_ignored():

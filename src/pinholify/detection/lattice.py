@@ -50,6 +50,10 @@ class Lattice:
         indices, places = np.concatenate([self.index, index]), np.concatenate([self.uv, uv])
         return Lattice(indices, places, np.concatenate([self.weights, np.ones(len(index))]), self.phase)
 
+    def moved(self, uv: Floats, weights: Floats | None = None) -> Lattice:
+        """The same corners at the places ``uv`` (n, 2), of new ``weights`` (n,) where given."""
+        return Lattice(self.index, uv, self.weights if weights is None else weights, self.phase)
+
     def shifted(self, by: tuple[int, int]) -> Lattice:
         """The same corners with ``by`` added to every index."""
         return Lattice(self.index + np.array(by), self.uv, self.weights, self.phase * (-1) ** (sum(by) % 2))

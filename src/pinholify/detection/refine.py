@@ -49,25 +49,30 @@ def refine_lattice(grey: Grey, lattice: Lattice, places: Callable[[Ints], Floats
     square of which the windows are fractions.
     """
     at = places(lattice.index)
-    lattice = _moved(lattice, _first_places(grey, lattice.uv, at))
-    jacobian, second = local_frames(at, lattice.uv)
-    crossings = _fit(grey, _windows(lattice.uv, jacobian, second, WINDOW))
-    weights = FLOOR / np.hypot(FLOOR, crossings.std)
-    fitted = Lattice(lattice.index, crossings.uv, weights, lattice.phase)
-    kept = fitted.select(_true_corners(fitted, crossings))
+    lattice = lattice.moved(settled(grey, lattice.uv, local_frames(at, lattice.uv)[0]))
+    crossings = fit_corners(grey, lattice.uv, *local_frames(at, lattice.uv))
+    fitted = lattice.moved(crossings.uv, weights(crossings))
+    kept = fitted.select(true_corners(fitted, crossings))
     return kept.select(regular(kept, places(kept.index)))
 
 
-def _first_places(grey: Grey, uv: Floats, at: Floats) -> Floats:
-    jacobian, _ = local_frames(at, uv)
+def settled(grey: Grey, uv: Floats, jacobian: Floats) -> Floats:
+    """``uv`` (n, 2) px moved to the saddles next to them, for those that have one; ``jacobian`` is that of the lattice.
+    """
     length = np.linalg.norm(jacobian, axis=1).min(axis=1)
     radius = np.clip(FIRST_WINDOW * length, 2.0, WIDEST)
     saddles = refine_saddles(grey, uv, jacobian * (radius / length)[:, None, None])
     return np.where(saddles.sound[:, None], saddles.uv, uv)
 
 
-def _moved(lattice: Lattice, uv: Floats) -> Lattice:
-    return Lattice(lattice.index, uv, lattice.weights, lattice.phase)
+def fit_corners(grey: Grey, uv: Floats, jacobian: Floats, second: Floats) -> Crossings:
+    """The edges that cross at ``uv`` (n, 2) px, along lines with the derivatives of :func:`local_frames`."""
+    return _fit(grey, _windows(uv, jacobian, second, WINDOW))
+
+
+def weights(crossings: Crossings) -> Floats:
+    """FLOOR / √(FLOOR² + std²), (n,)."""
+    return np.asarray(FLOOR / np.hypot(FLOOR, crossings.std))
 
 
 def _windows(uv: Floats, jacobian: Floats, second: Floats, fraction: float) -> Windows:
@@ -89,11 +94,13 @@ def _fit(grey: Grey, windows: Windows) -> Crossings:
     return wide.replaced(spoilt[better], narrow.select(np.flatnonzero(better)))
 
 
-def _true_corners(lattice: Lattice, crossings: Crossings) -> Bools:
-    """Which fits (n,) have the colours of their index, a tenth of the usual contrast, half of the usual
-    weight.
+def true_corners(lattice: Lattice, crossings: Crossings, usual: Bools | None = None) -> Bools:
+    """Which fits (n,) have the colours of their index, a tenth of the usual contrast, half of the usual weight.
+
+    ``usual`` (n,) are the corners that tell what is usual: all of them by default.
     """
+    usual = np.ones(len(lattice), dtype=bool) if usual is None else usual
     strength = crossings.strength * signs(lattice.index, lattice.phase)
-    clear = strength > 0.1 * np.median(strength)
-    sure = lattice.weights > 0.5 * np.median(lattice.weights)
+    clear = strength > 0.1 * np.median(strength[usual])
+    sure = lattice.weights > 0.5 * np.median(lattice.weights[usual])
     return np.asarray(crossings.sound & clear & sure & (crossings.residual < 0.5 * strength))
