@@ -1,0 +1,63 @@
+"""The documentation, made by ``make docs``: warnings are errors, nothing is fetched, no page asks a network."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pinholify
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+project = "pinholify"
+author = "the pinholify authors"
+copyright = "the pinholify authors; Apache-2.0"
+release = version = pinholify.__version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.doctest",
+    "sphinx_gallery.gen_gallery",
+    "extensions.api_tables",
+    "extensions.command_line",
+    "extensions.mathml",
+    "extensions.pictures",
+    "extensions.self_contained",
+]
+exclude_patterns = ["examples", "extensions"]
+highlight_language = "none"
+myst_enable_extensions = ["dollarmath", "deflist"]
+myst_heading_anchors = 3
+
+nitpicky = True
+nitpick_ignore_regex = [
+    (r"py:.*", r"(?!pinholify\.).*"),  # types of other packages, whose inventories are not fetched; short names of ours
+    (r"py:class", r"pinholify\.refinement\..*"),  # what the joint solve is made of, in signatures of its results
+]
+
+autodoc_default_options = {"members": True, "member-order": "bysource"}
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+
+doctest_global_setup = "import numpy as np"
+
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"plot_",
+    "within_subsection_order": "FileNameSortKey",
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "show_signature": False,
+    "write_computation_times": False,
+    "min_reported_time": float("inf"),
+}
+
+html_theme = "furo"
+html_title = "pinholify"
+html_math_renderer = "mathml"
+html_show_sphinx = False
+html_copy_source = False
+html_theme_options = {"navigation_with_keys": True}
