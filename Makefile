@@ -8,13 +8,14 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help demo test slow lint clean
+.PHONY: help demo test slow lint docs clean
 
 help:
 	@echo "make demo   render a warped board, calibrate it, and write pictures and numbers into demo/"
 	@echo "make test   the fast tests"
 	@echo "make slow   the tests that take longer"
 	@echo "make lint   style, types and layers"
+	@echo "make docs   the documentation, in build/docs/html; its examples are run"
 	@echo "make clean  remove what these made, the virtual environment included"
 
 demo: $(VENV)/installed
@@ -31,15 +32,22 @@ lint: $(VENV)/installed-lint
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
+docs: $(VENV)/installed-docs
+	rm -rf build/docs docs/gallery docs/generated
+	$(BIN)/python -m sphinx -M html docs build/docs --fail-on-warning --nitpicky --quiet
+	$(BIN)/python -m sphinx -M doctest docs build/docs --fail-on-warning --nitpicky --quiet
+
 clean:
-	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) demo build dist docs/gallery docs/generated
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find src tests -name __pycache__ -type d -exec rm -rf {} +
 
 $(VENV)/installed: EXTRAS =
 $(VENV)/installed-test: EXTRAS = [test]
 $(VENV)/installed-lint: EXTRAS = [test,lint]
+$(VENV)/installed-docs: EXTRAS = [figures,docs]
 
-$(VENV)/installed $(VENV)/installed-test $(VENV)/installed-lint: $(VENV)/made pyproject.toml constraints.txt
+$(VENV)/installed $(VENV)/installed-test $(VENV)/installed-lint $(VENV)/installed-docs: $(VENV)/made pyproject.toml constraints.txt
 	@echo "Installing pinholify$(EXTRAS) into $(VENV); the first time takes a minute or two"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.$(EXTRAS)'
 	@touch $@
