@@ -104,7 +104,7 @@ class GaussianProcess:
 class Data:
     """Targets ``y`` (n, m) at inputs ``x`` (n, d), the linear part beside the kernel, and noise that may differ:
 
-    the noise of point i has standard deviation σ · ``relative_noise``[i].
+    point i has noise of standard deviation σ · r[i] where ``relative_noise`` is r.
     """
 
     x: Floats

@@ -21,7 +21,7 @@ class Unity:
 
     ``centre`` is given from the image's middle in units of width and height. With q = (p + ½)/(W, H) - ½ -
     centre and r = ‖q‖, the shown pixel at r shows the pinhole image's point at tan(θ r)/σ (barrel) or atan(σ
-    r)/θ (pincushion); θ = min(160°, 1.6°·max(1, |intensity|)) and σ = 2 tan(θ/2).
+    r)/θ (pincushion); θ = min(160°, 1.6°·max(1, abs(intensity))) and σ = 2 tan(θ/2).
     """
 
     size: tuple[int, int]
