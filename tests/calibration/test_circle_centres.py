@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pinholify.board import Checkerboard, CircleGrid, lattice
-from pinholify.calibration.circles import centred, local_centres, needs_centres, polygon_centroids, true_centres
+from pinholify.calibration.circles import centred, centroids_inside, local_centres, needs_centres, true_centres
 from pinholify.corners import Corners, CornerSet
 from pinholify.evaluation.summary import evaluate
 from pinholify.geometry import apply_homography
@@ -23,7 +23,7 @@ def centroids(lens, board, pose):
     angle = np.arange(180) * np.pi / 90
     ring = board.diameter / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     outline = (lattice(board)[:, None] + ring).reshape(-1, 2)
-    return polygon_centroids(lens.project(pose.apply(outline)).reshape(-1, 180, 2))
+    return centroids_inside(lens.project(pose.apply(outline)).reshape(-1, 180, 2))
 
 
 def seen(name, board, count, *, seed=5):
@@ -48,23 +48,33 @@ def errors(calibration, truth):
     return np.array([intrinsics.f, intrinsics.uc, intrinsics.vc]) - truth
 
 
-def test_centroids_of_polygons():
-    square = np.array([[0.0, 0.0], [2, 0], [2, 2], [0, 2]])
-    triangle = np.array([[5.0, 1.0], [8, 1], [5, 7], [5, 4]])
-    np.testing.assert_allclose(polygon_centroids(np.stack([square, triangle])), [[1, 1], [6, 3]])
-
-
 def test_the_centroid_of_an_ellipse_is_its_centre():
     """A homography takes a circle to an ellipse, whose centre comes from its conic (Hartley & Zisserman, 2004)."""
     h = np.array([[50.0, 4, 100], [-3, 45, 80], [0.05, 0.03, 1]])
-    angle = np.arange(400) * np.pi / 200
+    angle = np.arange(16) * np.pi / 8
     ring = np.array([2.0, 1.0]) + 0.3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     inverse = np.linalg.inv(h)
     circle = np.array([[1, 0, -2], [0, 1, -1], [-2, -1, 5 - 0.09]])
     conic = inverse.T @ circle @ inverse
     centre = -np.linalg.solve(conic[:2, :2], conic[:2, 2])
-    np.testing.assert_allclose(polygon_centroids(apply_homography(h, ring)[None])[0], centre, atol=1e-3)
+    np.testing.assert_allclose(centroids_inside(apply_homography(h, ring)[None])[0], centre, atol=1e-9)
     assert np.linalg.norm(centre - apply_homography(h, np.array([[2.0, 1.0]]))[0]) > 0.05
+
+
+def test_centroids_through_bent_maps_from_few_points():
+    """Triangles of a dense outline, summed, are the witness."""
+    middle = np.array([[3.0, 1.0], [-2.0, 4.0]])
+
+    def outlines(count):
+        angle = np.arange(count) * (2 * np.pi / count)
+        x, y = (middle[:, None] + 0.4 * np.stack([np.cos(angle), np.sin(angle)], axis=1)).transpose(2, 0, 1)
+        return np.stack([30 * np.sin(0.2 * x) + y * y, 25 * y - 0.5 * x * x * y], axis=2)
+
+    start = outlines(4000)
+    end = np.roll(start, -1, axis=1)
+    twice = start[:, :, 0] * end[:, :, 1] - start[:, :, 1] * end[:, :, 0]
+    dense = ((start + end) / 3 * twice[:, :, None]).sum(axis=1) / twice.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(centroids_inside(outlines(16)), dense, atol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from pinholify.board import CircleGrid, lattice, parse_board
-from pinholify.calibration.circles import polygon_centroids
+from pinholify.calibration.circles import centroids_inside
 from pinholify.detection import detect_board
 from pinholify.errors import BoardError
 from pinholify.geometry import Pose
@@ -37,7 +37,7 @@ def centroids(lens, board, pose):
     angle = np.arange(90) * np.pi / 45
     ring = board.diameter / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     outline = (lattice(board)[:, None] + ring).reshape(-1, 2)
-    return polygon_centroids(lens.project(pose.apply(outline)).reshape(-1, 90, 2))
+    return centroids_inside(lens.project(pose.apply(outline)).reshape(-1, 90, 2))
 
 
 @pytest.fixture(scope="module", params=[SYMMETRIC, ASYMMETRIC], ids=["symmetric", "asymmetric"])
