@@ -227,14 +227,24 @@ def test_frames_of_a_video_are_chosen(client: httpx.Client, session: str, photog
     assert state["result"]["f_px"] == pytest.approx(true_focal_px(), rel=0.02)
 
 
-@pytest.mark.parametrize("data", [b"#EXTM3U\n#EXTINF:1,\nfile:///etc/passwd\n", b"RIFF....WAVE", b"\x1aE\xdf\xa3 cut"])
-def test_what_is_no_video_is_refused_in_a_sentence(client: httpx.Client, session: str, app: App, data: bytes):
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"#EXTM3U\n#EXTINF:1,\nfile:///etc/passwd\n", "is no video this app reads"),
+        (b"ffconcat version 1.0\nfile /etc/passwd\n", "is no video this app reads"),
+        (b"RIFF....WAVE", "is no video this app reads"),
+        (b"\x1aE\xdf\xa3 cut", "cannot be read as a video"),
+    ],
+)
+def test_what_is_no_video_is_refused_in_a_sentence(
+    client: httpx.Client, session: str, app: App, data: bytes, why: str
+):
     before = app.files()
     with client.stream("GET", f"/api/sessions/{session}/events") as stream:
         client.post(f"/api/sessions/{session}/videos", params={"name": "film.mp4"}, content=data)
         events = (json.loads(line.removeprefix("data: ")) for line in stream.iter_lines() if line.startswith("data: "))
         notice = next(event for event in events if event["kind"] == "notice")
-    assert "film.mp4" in notice["text"]
+    assert f"'film.mp4' {why}" in notice["text"]
     until(client, session, lambda s: s["activity"] is None)
     assert app.files() == before
 
