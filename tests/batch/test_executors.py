@@ -86,7 +86,7 @@ def test_a_job_that_kills_its_process_is_found_out(tmp_path):
 
 
 def test_processes_that_cannot_start(tmp_path, monkeypatch):
-    monkeypatch.setattr("pinholify.batch.executors.processes.be_a_worker", os.abort)
+    monkeypatch.setattr("pinholify.io.processes.be_a_worker", os.abort)
     with pytest.raises(InputError, match="__main__"):
         list(EXECUTORS["processes"](Chores(), jobs_of(tmp_path, "a"), "1"))
 

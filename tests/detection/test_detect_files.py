@@ -1,10 +1,12 @@
+import os
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pinholify.board import Checkerboard
-from pinholify.detection import detect_files
+from pinholify.detection import detect_files, files
 from pinholify.detection.files import unique_names
 from pinholify.errors import BoardError, ImageError
 from pinholify.io.images import write_image
@@ -60,3 +62,23 @@ def test_a_mistaken_size_is_said_even_where_some_images_seem_to_show_it(tmp_path
         write_image(tmp_path / f"{name}.png", board_image(columns, 6)[0])
     with pytest.raises(BoardError, match="2 of 3 images show another board than 7x6"):
         detect_files([tmp_path / f"{name}.png" for name in "abc"], Checkerboard(7, 6))
+
+
+detect_file = files._detect_file
+
+
+def deadly(job, **options):
+    """Ends its process on one picture, as a system that is out of memory does."""
+    if job[1] == "blank.png":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return detect_file(job, **options)
+
+
+def test_a_picture_that_ends_its_process_is_reported_and_the_others_are_done(folder: Path, monkeypatch):
+    monkeypatch.setattr(files, "_detect_file", deadly)
+    names = ["b.png", "blank.png", "a.jpg", "broken.jpg"]
+    corners = detect_files([folder / name for name in names], BOARD, workers=2)
+    assert [view.name for view in corners.views] == names
+    assert [len(view) for view in corners.views] == [48, 0, 48, 0]
+    assert "died, twice" in corners.views[1].reason
+    assert "cannot be read" in corners.views[3].reason

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -19,7 +18,7 @@ from pinholify.detection.placement import LARGER
 from pinholify.detection.second_look import look_again
 from pinholify.errors import BoardError, ImageError
 from pinholify.io.images import read_image
-from pinholify.io.processes import be_a_worker, interrupts_ignored
+from pinholify.io.processes import DIED, in_processes
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -46,9 +45,10 @@ def detect_files(
     ``workers`` processes share the work; None takes one a CPU. More than one are spawned, so a script that asks for
     them needs the usual ``if __name__ == "__main__":``.
 
-    ``on_result`` is called with each image's corners as they arrive, in order. A file that cannot be read is
-    a view without corners and a reason. Raises ImageError where no file can be read, where files differ in
-    size, and where one file is named twice, BoardError where the images show a larger board.
+    ``on_result`` is called with each image's corners as they arrive, in order. A file that cannot be read is a view
+    without corners and a reason, and so is one that ends the process that works on it. Raises ImageError where no file
+    can be read, where files differ in size, and where one file is named twice, BoardError where the images show a
+    larger board.
     """
     if not paths:
         raise ImageError("no images were given; give image files or a folder of images")
@@ -56,7 +56,7 @@ def detect_files(
     jobs = list(zip(files, unique_names(files), strict=True))
     seen = []
     detect = partial(_detect_file, board=board, mirrored=mirrored)
-    for result in _map(detect, jobs, workers):
+    for result in _map(detect, jobs, workers, _lost):
         seen.append(result)
         if on_result is not None:
             on_result(result.corners)
@@ -85,7 +85,8 @@ def look_again_in_files(
         )
     views = []
     again = partial(_look_again_in_file, board=corners.board, camera=camera)
-    for view in _map(again, list(zip(map(Path, paths), corners.views, strict=True)), workers):
+    jobs = list(zip(map(Path, paths), corners.views, strict=True))
+    for view in _map(again, jobs, workers, lambda job: job[1]):
         views.append(view)
         if on_result is not None:
             on_result(view)
@@ -113,7 +114,7 @@ def detect_size_in_files(
     with what each image tells. Raises BoardError where no image tells a size, and where as many tell another.
     """
     sizes = Counter[Checkerboard]()
-    for board in _map(_size_in_file, [Path(path) for path in paths], workers):
+    for board in _map(_size_in_file, [Path(path) for path in paths], workers, lambda path: None):
         if board is not None:
             sizes[board] += 1
         if on_result is not None:
@@ -179,18 +180,34 @@ def _detect_file(job: tuple[Path, str], *, board: Board, mirrored: bool) -> _See
     return _Seen(detect_board(image, board, name=name, mirrored=mirrored), (width, height))
 
 
-def _map(function: Callable[[_Job], _Result], jobs: Sequence[_Job], workers: int | None) -> Iterator[_Result]:
-    """``function`` of every job, in order. Processes are spawned: a fork after OpenCV has run threads can
-    hang.
-    """
+def _lost(job: tuple[Path, str]) -> _Seen:
+    return _Seen(not_found(job[1], DIED), None)
+
+
+def _map(
+    function: Callable[[_Job], _Result],
+    jobs: Sequence[_Job],
+    workers: int | None,
+    died: Callable[[_Job], _Result],
+) -> Iterator[_Result]:
+    """``function`` of every job, in order; ``died`` of those that end the process that works on them."""
     workers = min(workers or os.cpu_count() or 1, len(jobs))
     if workers <= 1:
         yield from map(function, jobs)
         return
-    with interrupts_ignored():
-        pool = multiprocessing.get_context("spawn").Pool(workers, initializer=be_a_worker)
-    with pool:
-        yield from pool.imap(function, jobs)
+    results: dict[int, _Result] = {}
+    following = 0
+    numbered = list(enumerate(jobs))
+    ended = in_processes(partial(_numbered, function), numbered, workers, died=partial(_numbered, died))
+    for number, result in ended:
+        results[number] = result
+        while following in results:
+            yield results.pop(following)
+            following += 1
+
+
+def _numbered(function: Callable[[_Job], _Result], job: tuple[int, _Job]) -> tuple[int, _Result]:
+    return job[0], function(job[1])
 
 
 def _common_size(seen: list[_Seen]) -> tuple[int, int]:
