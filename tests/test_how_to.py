@@ -129,7 +129,7 @@ def test_opencv(camera, picture, tmp_path, monkeypatch):
     found = run("use-opencv.md", tmp_path, monkeypatch)
     np.testing.assert_allclose(found["cameraMatrix"], found["view"].matrix, rtol=1e-12)
     straight = Straightener(ours)(picture)
-    inner = straight > 0
+    inner = cv2.erode((straight > 0).astype(np.uint8), np.ones((5, 5))) > 0  # at the rim cv2.remap mixes black in
     difference = np.abs(found["straight"][..., 0].astype(int) - straight)[inner]
     assert np.quantile(difference, 0.99) <= 1  # of 255: the maps are the same, read back from text
     expected = found["view"].project(ours.to_rays(found["corners"][:, 0].astype(float)).directions)
