@@ -40,6 +40,7 @@ nitpick_ignore_regex = [
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {name: f"pinholify.arrays.{name}" for name in ("Bools", "Floats", "Ints")}
 
 doctest_global_setup = "import numpy as np"
 
@@ -57,6 +58,9 @@ sphinx_gallery_conf = {
 
 html_theme = "furo"
 html_title = "pinholify"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+smartquotes_action = "qe"  # no dashes: --json stays as it is typed
 html_math_renderer = "mathml"
 html_show_sphinx = False
 html_copy_source = False

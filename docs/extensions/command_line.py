@@ -60,9 +60,9 @@ def _paragraph(text: str) -> nodes.Element:
 
 
 def _options(command: click.Command, context: click.Context) -> list[nodes.Node]:
-    records = [record for parameter in command.get_params(context) if (record := parameter.get_help_record(context))]
+    options = [parameter for parameter in command.get_params(context) if isinstance(parameter, click.Option)]
     listed = nodes.definition_list()
-    for names, help_text in records:
+    for names, help_text in filter(None, (option.get_help_record(context) for option in options)):
         term = nodes.term("", "", nodes.literal(text=names))
         listed += nodes.definition_list_item("", term, nodes.definition("", nodes.paragraph(text=help_text)))
     return [listed]

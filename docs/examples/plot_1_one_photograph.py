@@ -2,10 +2,12 @@
 Straight lines from one photograph
 ==================================
 
-One photograph of a board that fills the frame makes the map of the image; two more, tilted, tell the focal length. This
-is the paper's method. The camera here is a fisheye of 122° behind a windscreen with bumps of several px, which no lens
-formula describes.
+One photograph of a board that fills the frame makes the map of the image; two more,
+tilted, tell the focal length. This is the paper's method. The camera here is a fisheye
+of 122° behind a windscreen with bumps of several px, which no lens formula describes.
 """
+
+# sphinx_gallery_thumbnail_number = 2
 
 import tempfile
 from pathlib import Path
@@ -39,10 +41,13 @@ for axis, photograph in zip(axes, photographs, strict=True):
 # Corners, and a camera
 # ---------------------
 
-corners = pinholify.detect_files([str(path) for path in sorted(folder.iterdir())], board, workers=1)
+corners = pinholify.detect_files(
+    [str(path) for path in sorted(folder.iterdir())], board, workers=1
+)
 calibration = pinholify.calibrate(corners, method="one-image")
 camera = calibration.camera
-print(f"from {calibration.reference}: f = {camera.intrinsics.f:.3f} ± {calibration.intrinsics_std[0]:.3f} squares")
+focal, std = camera.intrinsics.f, calibration.intrinsics_std[0]
+print(f"from {calibration.reference}: f = {focal:.3f} ± {std:.3f} squares")
 
 # %%
 # A street, straight
@@ -54,7 +59,9 @@ seen = street(scene.lens)
 straight = pinholify.Straightener(camera)(seen)
 
 figure, axes = plt.subplots(1, 2, figsize=(10, 3.9), layout="constrained")
-for axis, picture, title in zip(axes, (seen, straight), ("as photographed", "straight"), strict=True):
+for axis, picture, title in zip(
+    axes, (seen, straight), ("as photographed", "straight"), strict=True
+):
     axis.imshow(picture)
     axis.set_title(title)
     axis.axis("off")
@@ -63,11 +70,14 @@ for axis, picture, title in zip(axes, (seen, straight), ("as photographed", "str
 # Is it right?
 # ------------
 #
-# Points on straight lines of space that the calibration never saw: where the true lens shows them, and how far their
-# virtual points are from a line, in px of the image.
+# Points on straight lines of space that the calibration never saw: where the true lens
+# shows them, and how far their virtual points are from a line, in px of the image.
 
 z = 6.0
-lines = [np.column_stack([np.linspace(-3, 3, 50), np.full(50, y), np.full(50, z)]) for y in np.linspace(-2, 2, 9)]
+lines = [
+    np.column_stack([np.linspace(-3, 3, 50), np.full(50, y), np.full(50, z)])
+    for y in np.linspace(-2, 2, 9)
+]
 errors = []
 for line in lines:
     pixels = scene.lens.project(line)

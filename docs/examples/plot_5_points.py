@@ -2,15 +2,22 @@
 Points, without images
 ======================
 
-Programs that work on points need no straightened image. The functions of :mod:`pinholify.points` have the names,
-argument order and shapes of OpenCV's; a camera stands where OpenCV has a matrix and distortion coefficients.
+Programs that work on points need no straightened image. The functions of
+:mod:`pinholify.points` have the names, argument order and shapes of OpenCV's; a camera
+stands where OpenCV has a matrix and distortion coefficients.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 import pinholify
-from pinholify.points import distort_points, project_points, solve_pnp, undistort_points, undistortion_table
+from pinholify.points import (
+    distort_points,
+    project_points,
+    solve_pnp,
+    undistort_points,
+    undistortion_table,
+)
 from pinholify.simulation.lenses import Fisheye
 from pinholify.simulation.views import board_poses, true_corners
 
@@ -21,7 +28,11 @@ rng = np.random.default_rng(0)
 views = []
 for i, pose in enumerate(poses):
     uv = true_corners(lens, board, pose)
-    views.append(pinholify.Corners(f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, 0.05, uv.shape)))
+    views.append(
+        pinholify.Corners(
+            f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, 0.05, uv.shape)
+        )
+    )
 train = pinholify.CornerSet(board, lens.size, tuple(views[:8]))
 camera = pinholify.calibrate(train, reference="view-0", trend="angle:2").camera
 
@@ -34,7 +45,9 @@ back = distort_points(undistort_points(views[8].uv, camera), camera)
 assert np.allclose(back, views[8].uv, atol=1e-6)
 
 figure, axes = plt.subplots(1, 2, figsize=(10, 3.9), layout="constrained")
-for axis, points, title in zip(axes, (views[8].uv, ideal), ("in the photograph", "in the ideal view"), strict=True):
+for axis, points, title in zip(
+    axes, (views[8].uv, ideal), ("in the photograph", "in the ideal view"), strict=True
+):
     for line in points.reshape(board.rows, board.columns, 2):
         axis.plot(*line.T, ".-")
     axis.set(title=title, xlim=(0, 639), ylim=(479, 0), aspect="equal")
@@ -45,7 +58,10 @@ for axis, points, title in zip(axes, (views[8].uv, ideal), ("in the photograph",
 many = rng.uniform((0, 0), (639, 479), (50_000, 2))
 many = many[camera.inside(many)]
 table = undistortion_table(camera, view.rotation, view.matrix)
-difference = np.abs(table(many) - undistort_points(many, camera, view.rotation, view.matrix, tolerance=0.0)).max()
+difference = np.abs(
+    table(many)
+    - undistort_points(many, camera, view.rotation, view.matrix, tolerance=0.0)
+).max()
 print(f"largest difference between table and formula: {difference:.4f} px of the view")
 assert difference < 0.05
 
@@ -55,9 +71,11 @@ assert difference < 0.05
 points = np.column_stack([views[8].lattice(board), np.zeros(len(views[8]))])
 _, rvec, tvec = solve_pnp(points, views[8].uv, camera)
 again, _ = project_points(points, rvec, tvec, camera)
-print(f"{np.sqrt(np.mean((again - views[8].uv) ** 2)):.3f} px rms an axis; the corners' noise is 0.05")
+rms = np.sqrt(np.mean((again - views[8].uv) ** 2))
+print(f"{rms:.3f} px rms an axis; the corners' noise is 0.05")
 
 # Both in the frame of the first board: the true pose there, and the one found.
 true = poses[0].rotation.T @ poses[8].translation
-print(f"the board's corner 0 stands at {tvec.ravel().round(3)}; in truth at {true.round(3)}")
-assert np.linalg.norm(tvec.ravel() - true) < 0.02 * np.linalg.norm(true)
+found = tvec.ravel()
+print(f"the board's corner 0 stands at {found.round(3)}; in truth at {true.round(3)}")
+assert np.linalg.norm(found - true) < 0.02 * np.linalg.norm(true)

@@ -2,8 +2,9 @@
 All boards together, and error bars that are true
 =================================================
 
-From four boards on, all of them make the map, in one solve. Everything that comes out has a standard deviation. Here
-the corners carry noise of a known size and the camera is known, so that the error bars can be held against the errors.
+From four boards on, all of them make the map, in one solve. Everything that comes out
+has a standard deviation. Here the corners carry noise of a known size and the camera is
+known, so that the error bars can be held against the errors.
 """
 
 import matplotlib.pyplot as plt
@@ -27,7 +28,11 @@ def calibrated(seed):
     views = []
     for i, pose in enumerate(poses):
         uv = true_corners(lens, board, pose)
-        views.append(pinholify.Corners(f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, NOISE, uv.shape)))
+        views.append(
+            pinholify.Corners(
+                f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, NOISE, uv.shape)
+            )
+        )
     corners = pinholify.CornerSet(board, lens.size, tuple(views))
     return pinholify.calibrate(corners, reference="view-0", trend="plane:2")
 
@@ -38,13 +43,18 @@ calibrations = [calibrated(seed) for seed in range(8)]
 # Focal length and principal point
 # --------------------------------
 #
-# In squares of the reference board: f is its distance, (uc, vc) the foot of the perpendicular on it.
+# In squares of the reference board: f is its distance, (uc, vc) the foot of the
+# perpendicular on it.
 
-found = np.array([[k.f, k.uc, k.vc] for k in (c.camera.intrinsics for c in calibrations)])
+found = np.array(
+    [[k.f, k.uc, k.vc] for k in (c.camera.intrinsics for c in calibrations)]
+)
 stds = np.array([c.intrinsics_std for c in calibrations])
 
 figure, axes = plt.subplots(1, 3, figsize=(10, 2.8), layout="constrained")
-for axis, name, values, std, true in zip(axes, ("f", "uc", "vc"), found.T, stds.T, truth, strict=True):
+for axis, name, values, std, true in zip(
+    axes, ("f", "uc", "vc"), found.T, stds.T, truth, strict=True
+):
     axis.errorbar(np.arange(len(values)), values - true, std, fmt="o", capsize=3)
     axis.axhline(0.0, color="gray", linewidth=1)
     axis.set(title=f"{name}: found less true, squares", xlabel="draw of the noise")
@@ -58,11 +68,15 @@ assert largest < 4.0
 # Rays
 # ----
 #
-# How far a pixel's ray is off, and what the camera says of it. The frame of a camera is its reference board's, whose
-# pose each draw estimates anew, and so has a part in both.
+# How far a pixel's ray is off, and what the camera says of it. The frame of a camera is
+# its reference board's, whose pose each draw estimates anew, and so has a part in both.
 
-pixels = np.stack(np.meshgrid(np.linspace(40, 600, 15), np.linspace(40, 440, 11)), axis=-1).reshape(-1, 2)
-directions = lens.unproject(pixels).directions @ poses[0].rotation  # in the reference board's frame
+pixels = np.stack(
+    np.meshgrid(np.linspace(40, 600, 15), np.linspace(40, 440, 11)), axis=-1
+).reshape(-1, 2)
+directions = (
+    lens.unproject(pixels).directions @ poses[0].rotation
+)  # in the reference board's frame
 errors, said = [], []
 for calibration in calibrations:
     camera = calibration.camera
@@ -75,7 +89,11 @@ figure, axis = plt.subplots(figsize=(4.6, 4.2), layout="constrained")
 axis.loglog(predicted, measured, ".")
 ends = [predicted.min(), predicted.max()]
 axis.plot(ends, ends, color="gray", linewidth=1)
-axis.set(xlabel="standard deviation said, px", ylabel="error, px rms over the draws", aspect="equal")
+axis.set(
+    xlabel="standard deviation said, px",
+    ylabel="error, px rms over the draws",
+    aspect="equal",
+)
 
 ratio = np.sqrt(np.mean(measured**2) / np.mean(predicted**2))
 print(f"errors are {ratio:.2f} times what the cameras say of themselves")

@@ -2,9 +2,9 @@
 Cameras without a centre
 ========================
 
-Behind a flat pane of water a camera has no optical centre: rays bend at the pane, and those of different pixels no
-longer meet in one point. No pinhole camera shows such a scene exactly. This is how far off it is, by the camera's
-distance from the pane.
+Behind a flat pane of water a camera has no optical centre: rays bend at the pane, and
+those of different pixels no longer meet in one point. No pinhole camera shows such a
+scene exactly. This is how far off it is, by the camera's distance from the pane.
 """
 
 import matplotlib.pyplot as plt
@@ -24,7 +24,11 @@ def heldout_error(lens):
     views = []
     for i, pose in enumerate(board_poses((lens,), board, 16, seed=4)):
         uv = true_corners(lens, board, pose)
-        views.append(pinholify.Corners(f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, NOISE, uv.shape)))
+        views.append(
+            pinholify.Corners(
+                f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, NOISE, uv.shape)
+            )
+        )
     train = pinholify.CornerSet(board, lens.size, tuple(views[:10]))
     test = pinholify.CornerSet(board, lens.size, tuple(views[10:]))
     calibration = pinholify.calibrate(train, reference="view-0", trend="plane")
@@ -37,7 +41,7 @@ errors = [heldout_error(WaterPane(camera, distance, 0.1)) for distance in distan
 in_air = heldout_error(camera)
 
 figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
-axis.loglog(distances, errors, "o-", label="behind water")
+axis.plot(distances, errors, "o-", label="behind water")
 axis.axhline(in_air, color="gray", label="in air")
 axis.set(xlabel="distance from the pane, squares", ylabel="held-out error, px a point")
 axis.legend()
