@@ -125,7 +125,7 @@ def test_a_board_is_laid_out_inside_the_page_or_refused(board, square, page):
     try:
         sheet = lay_out(board, square_mm=square, page=page)
     except BoardError as error:
-        largest = float(re.search(r"that does is ([\d.]+) mm", str(error))[1])
+        largest = float(re.search(r"that does has squares of ([\d.]+) mm", str(error))[1])
         assert largest < square
         with pytest.raises(BoardError):
             lay_out(board, square_mm=largest + 0.11, page=page)
@@ -166,7 +166,7 @@ def test_a_pdf_asks_the_viewer_not_to_scale(tmp_path):
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"square_mm": 25}, BoardError, "covers 400 x 250 mm and .* on A4; the largest .* is 17.9 mm"),
+        ({"square_mm": 25}, BoardError, "covers 400 x 250 mm and .* on A4; the largest that does has squares of 17.9 mm"),
         ({"square_mm": 0}, BoardError, "a square of 0 mm"),
         ({"square_mm": float("nan")}, BoardError, "a square of nan mm"),
         ({"square_mm": 10, "page": "A9"}, InputError, "'A9' is no page; name one of A0, .*Letter"),
@@ -202,6 +202,20 @@ def test_endings_are_read_in_capitals_and_files_are_replaced_as_a_whole(tmp_path
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("aprilgrid:6x6:tag36h11:0.3", "tags of 50 mm covers 405 x 405 mm .* has tags of 24.6 mm"),
+        ("circles:7x5", "circles 50 mm apart covers 325 x 225 mm .* has circles 41.3 mm apart"),
+        ("circles:4x11:asymmetric", "rows 50 mm apart covers .* has rows 26 mm apart"),
+        ("gray:1920x1080", "pinholify gray-code make"),
+    ],
+)
+def test_what_does_not_fit_is_said_in_the_boards_own_lengths(spec, words):
+    with pytest.raises(BoardError, match=words):
+        lay_out(parse_board(spec), square_mm=50, page="A4")
+
+
 def test_a_kind_of_board_that_has_no_drawing_is_refused():
     class Unknown:
         columns, rows, spec, orientable = 3, 3, "unknown:3x3", True
@@ -217,7 +231,7 @@ def test_every_kind_of_board_has_a_drawing():
         "aprilgrid": "aprilgrid:3x4:tag25h9:0.2",
         "circles": "circles:4x5:asymmetric:0.7",
     }
-    assert examples.keys() == BOARD_KINDS.keys()
+    assert {*examples, "gray"} == BOARD_KINDS.keys()  # a screen shows its patterns itself
     for spec in examples.values():
         board = parse_board(spec)
         artwork = ARTWORKS[type(board)](board)

@@ -20,7 +20,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.board import FAMILIES, AprilGrid, Board, Charuco, Checkerboard, CircleGrid, lattice, outline
+from pinholify.board import FAMILIES, AprilGrid, Board, Charuco, Checkerboard, CircleGrid, Screen, lattice, outline
 from pinholify.errors import BoardError, InputError
 from pinholify.io.files import atomic_path, writing_text
 
@@ -210,11 +210,13 @@ def lay_out(board: Board, *, square_mm: float, page: str) -> Sheet:
     """The sheet of ``board``: it stands in the middle, above a footer with what it is and a ruler.
 
     White of at least one square is left around it where the page allows that, of ``MARGIN`` always.
-    Raises BoardError where the board does not fit, with the largest square that does, and InputError for
-    an unknown page.
+    Raises BoardError for a screen, and where the board does not fit, with the largest square that does; InputError
+    for an unknown page.
     """
     if not (math.isfinite(square_mm) and square_mm > 0):
         raise BoardError(f"a square of {square_mm:g} mm was asked for; a positive length is needed")
+    if isinstance(board, Screen):
+        raise BoardError(f"the screen {board.spec} shows its patterns itself: 'pinholify gray-code make' writes them")
     if type(board) not in ARTWORKS:
         kinds = ", ".join(kind.__name__ for kind in ARTWORKS)
         raise BoardError(f"a board of the kind {type(board).__name__} cannot be printed; these can: {kinds}")
@@ -260,10 +262,10 @@ def _largest_square(artwork: Artwork, width: float, height: float) -> float:
 
 def _does_not_fit(board: Board, artwork: Artwork, square_mm: float, page: str, largest: float) -> str:
     needed = f"{artwork.columns * square_mm:g} x {artwork.rows * square_mm:g} mm"
-    rounded = math.floor(largest * 10 + 1e-9) / 10
+    asked, fitting = (artwork.unit.format(f"{mm:g}") for mm in (square_mm, math.floor(largest * 10 + 1e-9) / 10))
     return (
-        f"a {board.spec} board with squares of {square_mm:g} mm covers {needed} and does not fit on {page}; "
-        f"the largest square that does is {rounded:g} mm, or choose a larger page"
+        f"the board {board.spec} with {asked} covers {needed} and does not fit on {page}; the largest that does has "
+        f"{fitting}, or choose a larger page"
     )
 
 
