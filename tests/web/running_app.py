@@ -40,10 +40,10 @@ class App:
 
 
 @contextmanager
-def running(folder: Path, limits: Limits = LIMITS) -> Iterator[App]:
+def running(folder: Path, limits: Limits = LIMITS, *, token: str = TOKEN) -> Iterator[App]:
     """An app over ``folder``, served by a thread on a free port of this computer."""
     with listening("127.0.0.1", 0) as listener:
-        made = create_app(folder, TOKEN, limits, workers=2)
+        made = create_app(folder, token, limits, workers=2)
         server = uvicorn.Server(uvicorn.Config(made, log_level="critical", timeout_graceful_shutdown=1))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
         thread.start()

@@ -10,7 +10,7 @@ import httpx
 import numpy as np
 import pytest
 from PIL import Image
-from running_app import TOKEN, App, add
+from running_app import TOKEN, App, add, running
 
 
 def alive(client: httpx.Client) -> bool:
@@ -28,6 +28,13 @@ def test_the_first_page_gives_the_cookie_only_to_whoever_has_the_token(app: App)
         cookie = given.headers["set-cookie"].lower()
         assert "httponly" in cookie
         assert "samesite=strict" in cookie
+
+
+def test_two_apps_in_one_browser_keep_their_tokens_apart(app: App, tmp_path: Path):
+    with running(tmp_path, token="another token") as other, httpx.Client() as browser:
+        assert browser.get(app.url, params={"token": TOKEN}).status_code == 200
+        assert browser.get(other.url, params={"token": "another token"}).status_code == 200
+        assert [browser.get(f"{each.url}/api/about").status_code for each in (app, other)] == [200, 200]
 
 
 def test_a_refusal_is_a_page_for_people(app: App):

@@ -16,7 +16,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-COOKIE = "pinholify-token"
+COOKIE = "pinholify-token"  # and the port: browsers keep one jar for all ports of a host
 HEADER = "x-pinholify"
 SAFE_METHODS = frozenset(["GET", "HEAD"])
 
@@ -80,14 +80,14 @@ class Guard:
         return name in {"localhost", self.host.lower()} or _is_number(name)
 
     def _has_token(self, request: Request) -> bool:
-        given = [request.cookies.get(COOKIE, "")]
+        given = [request.cookies.get(_cookie(request), "")]
         if request.url.path == "/":
             given.append(request.query_params.get("token", ""))
         return any(hmac.compare_digest(text.encode(), self.token.encode()) for text in given)
 
     def _with_headers(self, request: Request, send: Send) -> Send:
         """``send`` that adds the headers of every answer, and the cookie where the address brought the token."""
-        cookie = f"{COOKIE}={self.token}; HttpOnly; SameSite=Strict; Path=/".encode()
+        cookie = f"{_cookie(request)}={self.token}; HttpOnly; SameSite=Strict; Path=/".encode()
         by_address = request.url.path == "/" and self._has_token(request)
 
         async def sending(message: Message) -> None:
@@ -99,6 +99,10 @@ class Guard:
             await send(message)
 
         return sending
+
+
+def _cookie(request: Request) -> str:
+    return f"{COOKIE}-{request.url.port or 80}"
 
 
 def _host_name(host: str) -> str:
