@@ -102,7 +102,7 @@ class Guard:
 
 
 def _cookie(request: Request) -> str:
-    return f"{COOKIE}-{request.url.port or 80}"
+    return f"{COOKIE}-{request.scope['server'][1]}"
 
 
 def _host_name(host: str) -> str:
