@@ -166,7 +166,7 @@ def test_a_pdf_asks_the_viewer_not_to_scale(tmp_path):
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"square_mm": 25}, BoardError, "covers 400 x 250 mm and .* on A4; the largest that does has squares of 17.9 mm"),
+        ({"square_mm": 25}, BoardError, "covers 400 x 250 mm and .* on A4; the largest .* squares of 17.9 mm"),
         ({"square_mm": 0}, BoardError, "a square of 0 mm"),
         ({"square_mm": float("nan")}, BoardError, "a square of nan mm"),
         ({"square_mm": 10, "page": "A9"}, InputError, "'A9' is no page; name one of A0, .*Letter"),
