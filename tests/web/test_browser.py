@@ -26,10 +26,7 @@ PATIENCE_MS = 90_000
 FAKE_CAMERA = ("--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream")
 GOPRO = Path(__file__).parents[3] / "shared" / "data" / "gopro_wide"
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium was found; install the package chromium"),
-]
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium was found; install the package chromium")
 
 Open = Callable[..., Any]
 
@@ -120,6 +117,7 @@ def test_from_photographs_to_a_camera(open_page: Open, photographs: list[Path], 
     assert "camera_matrix" in download(page, "#download-export", tmp_path).read_text()
 
 
+@pytest.mark.slow
 def test_a_reload_loses_nothing_and_a_photograph_can_be_left_out(open_page: Open, photographs: list[Path]):
     page = open_page()
     page.set_input_files("#files", photographs[:8])
@@ -139,6 +137,7 @@ def test_a_reload_loses_nothing_and_a_photograph_can_be_left_out(open_page: Open
     assert page.is_visible("#drop")
 
 
+@pytest.mark.slow
 def test_the_live_camera_calibrates_without_another_click(open_page: Open, tmp_path: Path):
     clip = tmp_path / "clip.y4m"
     write_clip(clip, 20)
@@ -174,6 +173,7 @@ def test_errors_are_sentences_on_the_page(open_page: Open, photographs: list[Pat
     assert page.locator(".tile").count() == 0
 
 
+@pytest.mark.slow
 def test_a_wrong_board_is_said_and_mended(open_page: Open, photographs: list[Path]):
     page = open_page()
     page.fill("#board", "7x5")
@@ -202,6 +202,7 @@ def test_a_board_can_be_printed(open_page: Open, tmp_path: Path):
     assert download(page, "#print-download", tmp_path).read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.slow
 def test_the_page_works_on_a_phone_by_keyboard_and_by_name(open_page: Open, photographs: list[Path]):
     page = open_page(viewport={"width": 390, "height": 844}, color_scheme="dark")
     page.set_input_files("#files", photographs[:6])
@@ -219,6 +220,7 @@ def test_the_page_works_on_a_phone_by_keyboard_and_by_name(open_page: Open, phot
     assert page.input_value(".split") == "51"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not GOPRO.is_dir(), reason="the real photographs are not here: ../shared/data/gopro_wide")
 def test_real_photographs_of_a_wide_lens(open_page: Open, tmp_path: Path):
     page = open_page()
