@@ -61,7 +61,7 @@ def make(scenes, folder: Path, first: int, count: int) -> None:
             pose = Pose(*scenes.pose(kind, np.random.default_rng([seed, number])))
             scene = Scene((Plane(pose, texture),), lambda directions: np.full((len(directions), 1), BACKGROUND))
             image = photograph(render(rays, scene, samples=SAMPLES), SENSOR, (seed, number))
-            uv = true_corners(lens, BOARD, pose)
+            uv = np.nan_to_num(true_corners(lens, BOARD, pose), nan=-1e6)  # what the lens does not see
             visible = (uv > 6).all(axis=1) & (uv < np.array(size) - 7).all(axis=1)
             if kind == "occluded":
                 centre, radius = scenes.OCCLUDER

@@ -7,8 +7,10 @@ import pytest
 from pinholify.board import MARKERS, Charuco, parse_board
 from pinholify.detection import detect_board, detect_files
 from pinholify.errors import BoardError
-from pinholify.geometry import apply_homography
+from pinholify.geometry import Pose, apply_homography
 from pinholify.io.images import image_paths
+from pinholify.simulation.lenses import Fisheye
+from printed import take
 
 DATA = Path(__file__).parents[2] / "../shared/data/charuco"
 SPEC = "charuco:9x7:DICT_4X4_100:0.5"
@@ -97,3 +99,17 @@ def test_no_fewer_corners_than_opencv_finds():
     for path, corners in zip(paths, detect_files(paths, BOARD).views, strict=True):
         _, ids, _, _ = detector.detectBoard(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
         assert set(ids.ravel()) <= set(corners.ids)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_fisheye_hides_no_corner(seed):
+    """Homographies over several squares, which is how OpenCV gets from markers to corners, do not fit here."""
+    board = parse_board("charuco:12x9:DICT_4X4_100:0.7")
+    lens = Fisheye((960, 720), 300.0)
+    turn = cv2.Rodrigues(np.array([0.1, -0.5 + 0.8 * seed, 0.05]))[0]
+    pose = Pose(turn, np.array([0.0, 0.0, 4.0]) - turn @ [5.0, 3.5, 0.0])
+    image, truth = take(lens, board, pose)
+    corners = detect_board(image, board)
+    visible = (truth > 6).all(axis=1) & (truth < np.array(lens.size) - 7).all(axis=1)
+    assert set(np.flatnonzero(visible)) <= set(corners.ids)
+    assert np.linalg.norm(corners.uv - truth[corners.ids], axis=1).max() < 0.2

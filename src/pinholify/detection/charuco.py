@@ -1,10 +1,9 @@
-"""ChArUco boards: OpenCV's marker detector tells the ids, the lattice search and the saddle fits give the
-corners.
+"""ChArUco boards: OpenCV's marker detector tells the ids, the lattice search and the edge fits give the corners.
 
-The corners that OpenCV interpolates between markers seed a lattice of known indices, which then grows and is
-fitted as that of any checkerboard: corners whose markers are hidden or blurred are found too. (Garrido-Jurado
-et al., *Automatic generation and detection of highly reliable fiducial markers under occlusion*, 2014, for
-the markers.)
+A marker and its own perspective tell roughly where the corners of its square are. Candidates there seed a lattice of
+known indices, which then grows and is fitted as that of any checkerboard: corners whose markers are hidden or blurred
+are found too, and no distortion of the lens is in the way as long as markers are read. (Garrido-Jurado et al.,
+*Automatic generation and detection of highly reliable fiducial markers under occlusion*, 2014, for the markers.)
 """
 
 from __future__ import annotations
@@ -15,15 +14,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pinholify.arrays import Floats, Ints
 from pinholify.board import Charuco
 from pinholify.corners import Corners, not_found
 from pinholify.detection.candidates import find_candidates
-from pinholify.detection.growth import FEWEST, grower, signs
+from pinholify.detection.growth import BESIDE, FEWEST, Grower, grower, regular
 from pinholify.detection.intensity import Grey, grey_levels, stretched
 from pinholify.detection.lattice import Lattice
-from pinholify.detection.prediction import local_frames
+from pinholify.detection.prediction import predict
 from pinholify.detection.refine import refine_lattice
-from pinholify.detection.saddle import saddle_strength
+from pinholify.geometry import apply_homography
+
+SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+"""Corners of a square about its middle, in the order of a marker's."""
+
+AGREEING = 0.25
+"""How far, as a fraction of a square, from their mean two markers may see the corner between them."""
+
+BLACK_FIRST = -1
+"""The phase of a board whose first square is black."""
 
 
 def detect_charuco(image: NDArray[Any], board: Charuco, *, name: str) -> Corners:
@@ -33,15 +42,18 @@ def detect_charuco(image: NDArray[Any], board: Charuco, *, name: str) -> Corners
     ``image`` and the result are as of :func:`pinholify.detection.detect_board`.
     """
     grey = grey_levels(image)
-    seed = _seed(grey, board)
-    flipped = seed is None
+    read = _around_markers(grey, board)
+    flipped = read is None
     if flipped:
         grey = np.ascontiguousarray(grey[:, ::-1])
-        seed = _seed(grey, board)
-    if seed is None:
+        read = _around_markers(grey, board)
+    if read is None:
         return not_found(name, f"too few markers of a {board.spec} board were found")
-    grown = grower(grey, find_candidates(grey)).grow(seed)
-    fitted = refine_lattice(grey, _on_board(grown, board))
+    growing = grower(grey, find_candidates(grey), beside=min(BESIDE, (1.0 - board.marker) / 4.0))
+    seed = _seed(growing, read)
+    if len(seed) < FEWEST:
+        return not_found(name, f"markers of a {board.spec} board were read, but only {len(seed)} corners beside them")
+    fitted = refine_lattice(grey, _on_board(growing.grow(seed), board))
     if len(fitted) < FEWEST:
         return not_found(name, f"only {len(fitted)} corners of a {board.spec} board were found")
     uv = fitted.uv * [-1, 1] + [grey.shape[1] - 1, 0] if flipped else fitted.uv
@@ -50,23 +62,48 @@ def detect_charuco(image: NDArray[Any], board: Charuco, *, name: str) -> Corners
     return Corners(name, ids[order], uv[order], fitted.weights[order])
 
 
-def _seed(grey: Grey, board: Charuco) -> Lattice | None:
-    """The corners that OpenCV interpolates from the markers, or None where they are fewer than a lattice
-    needs.
+def _around_markers(grey: Grey, board: Charuco) -> Lattice | None:
+    """The corners of the squares whose markers are read, roughly; None where they are fewer than a lattice needs.
+
+    Of two markers that do not agree on the corner between them neither is believed there.
     """
+    index, uv = _squares(grey, board)
+    inside = ((index >= 0) & (index < [board.columns, board.rows])).all(axis=2)
+    side = np.broadcast_to(np.linalg.norm(uv - np.roll(uv, 1, axis=1), axis=2).min(axis=1, keepdims=True), inside.shape)
+    corner, position, count = np.unique(index[inside], axis=0, return_inverse=True, return_counts=True)
+    position = position.ravel()
+    mean = np.zeros((len(corner), 2))
+    np.add.at(mean, position, uv[inside] / count[position, None])
+    agreed = np.ones(len(corner), dtype=bool)
+    agreed[position[np.linalg.norm(uv[inside] - mean[position], axis=1) > AGREEING * side[inside]]] = False
+    if agreed.sum() < FEWEST or min(np.ptp(corner[agreed], axis=0)) == 0:  # A single line has no second direction.
+        return None
+    return Lattice(corner[agreed], mean[agreed], np.ones(int(agreed.sum())), BLACK_FIRST)
+
+
+def _squares(grey: Grey, board: Charuco) -> tuple[Ints, Floats]:
+    """Indices (n, 4, 2) of the corners of squares whose markers are read, and about where they are, (n, 4, 2) px."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.perspectiveRemovePixelPerCell = 8  # bent edges leave fewer good pixels in a cell
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
-    pattern = cv2.aruco.CharucoBoard((board.columns + 1, board.rows + 1), 1.0, board.marker, dictionary)
-    uv, ids, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(stretched(grey))
-    if ids is None or len(ids) < FEWEST:
-        return None
-    row, column = np.divmod(np.asarray(ids, dtype=np.int64).ravel(), board.columns)
-    index = np.stack([column, row], axis=1)
-    place = np.asarray(uv, dtype=np.float64).reshape(-1, 2)
-    if min(np.ptp(index, axis=0)) == 0:  # A single line of corners has no second direction.
-        return None
-    jacobian, _ = local_frames(index, place)
-    strength = saddle_strength(grey, place, 0.2 * jacobian) * signs(index, 1)
-    return Lattice(index, place, np.ones(len(index)), 1 if np.median(strength) > 0 else -1)
+    quads, numbers, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(stretched(grey))
+    column, row = np.meshgrid(np.arange(board.columns + 1), np.arange(board.rows + 1))
+    white = np.stack([column, row], axis=-1)[(column + row) % 2 == 1]
+    index, uv = [np.empty((0, 4, 2), dtype=np.int64)], [np.empty((0, 4, 2))]
+    for quad, number in zip(quads, [] if numbers is None else np.ravel(numbers).tolist(), strict=True):
+        if number < len(white):
+            homography = cv2.getPerspectiveTransform((board.marker * SQUARE).astype(np.float32), quad)
+            index.append(white[number] - [1, 1] + (SQUARE + 0.5).astype(np.int64)[None])
+            uv.append(apply_homography(np.asarray(homography, dtype=np.float64), SQUARE)[None])
+    return np.concatenate(index), np.concatenate(uv)
+
+
+def _seed(growing: Grower, rough: Lattice) -> Lattice:
+    """The candidates next to ``rough`` corners, where the other corners expect them too."""
+    expected = predict(rough.index, rough.uv, rough.index, leave_out=True)
+    uv, found = growing.match(rough.index, expected, rough)
+    seed = rough.moved(uv).select(found)
+    return seed.select(regular(seed))
 
 
 def _on_board(lattice: Lattice, board: Charuco) -> Lattice:

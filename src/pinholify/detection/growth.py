@@ -32,17 +32,24 @@ SIDES = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 GATE = (0.1, 0.4)
 """The gate around a prediction is six standard deviations, within these fractions of the spacing."""
 
+BESIDE = 0.125
+"""How far beside an edge its colours are compared, as a fraction of the squares' width."""
+
 WINDOW = 0.25
 """Half window of the search at a predicted place, as a fraction of the spacing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grower:
-    """Grows lattices over one image: its ``grey`` levels and its ``candidates``."""
+    """Grows lattices over one image: its ``grey`` levels and its ``candidates``.
+
+    ``beside`` is how far to each side of an edge its colours are compared, as a fraction of the squares' width there.
+    """
 
     grey: Grey
     candidates: Candidates
     tree: cKDTree
+    beside: float
 
     def lattices(self) -> Iterator[Lattice]:
         """Lattices of at least FEWEST corners, from the most regular seed on; no candidate is used twice."""
@@ -54,7 +61,7 @@ class Grower:
                 continue
             tried += 1
             cross = _first_cross(self.candidates, links, seed)
-            if not bounded(self.grey, cross).all():
+            if not bounded(self.grey, cross, self.beside).all():
                 continue
             lattice = self.grow(cross)
             if len(lattice) < FEWEST or disorder(lattice) > DISORDER:
@@ -85,7 +92,7 @@ class Grower:
         doubled = 2 * FEWEST
         while True:
             grown = self._ring(lattice, banned)
-            kept = bounded(self.grey, grown)
+            kept = bounded(self.grey, grown, self.beside)
             banned |= _pairs(grown.index[~kept])
             grown = grown.select(kept)
             if len(grown) <= len(lattice):
@@ -103,14 +110,14 @@ class Grower:
             if not len(beyond):
                 continue
             expected = predict(lattice.index, lattice.uv, beyond)
-            uv, found = self._match(beyond, expected, lattice)
+            uv, found = self.match(beyond, expected, lattice)
             if not found.any() and len(lattice) >= FEWEST:
                 uv, found = self._search(beyond, expected, lattice)
             if found.any():
                 return lattice.joined(beyond[found], uv[found])
         return lattice
 
-    def _match(self, index: Ints, expected: Prediction, lattice: Lattice) -> tuple[Floats, Bools]:
+    def match(self, index: Ints, expected: Prediction, lattice: Lattice) -> tuple[Floats, Bools]:
         """The candidates inside the gates, with the colours and edges that belong there."""
         distance, nearest = self.tree.query(expected.uv)
         hessian = expected.jacobian.transpose(0, 2, 1) @ self.candidates.hessian[nearest] @ expected.jacobian
@@ -134,9 +141,9 @@ class Grower:
         return saddles.uv, inside & saddles.sound & near & clear
 
 
-def grower(grey: Grey, candidates: Candidates) -> Grower:
+def grower(grey: Grey, candidates: Candidates, *, beside: float = BESIDE) -> Grower:
     """A grower over ``grey`` with an index of its ``candidates``."""
-    return Grower(grey, candidates, cKDTree(candidates.uv))
+    return Grower(grey, candidates, cKDTree(candidates.uv), beside)
 
 
 def disorder(lattice: Lattice) -> float:
@@ -162,10 +169,10 @@ def regular(lattice: Lattice, at: Floats | None = None) -> Bools:
     return np.asarray((score <= 1) | ~worst)
 
 
-def bounded(grey: Grey, lattice: Lattice) -> Bools:
+def bounded(grey: Grey, lattice: Lattice, beside: float = BESIDE) -> Bools:
     """Which corners (n,) have black on one side and white on the other of most edges to their neighbours."""
     good, edges = np.zeros(len(lattice)), np.zeros(len(lattice))
-    rises = [_edge_rises(grey, lattice, step) for step in (SIDES[0], SIDES[1])]
+    rises = [_edge_rises(grey, lattice, step, beside) for step in (SIDES[0], SIDES[1])]
     usual = np.median(np.concatenate([rise for _, _, rise in rises])) if edges.size else 0.0
     for start, end, rise in rises:
         for corner in (start, end):
@@ -174,12 +181,12 @@ def bounded(grey: Grey, lattice: Lattice) -> Bools:
     return np.asarray((good > 0) & (good >= edges / 2))
 
 
-def _edge_rises(grey: Grey, lattice: Lattice, step: Ints) -> tuple[Ints, Ints, Floats]:
+def _edge_rises(grey: Grey, lattice: Lattice, step: Ints, beside: float) -> tuple[Ints, Ints, Floats]:
     """For corners one ``step`` apart: their positions (m,) in ``lattice`` and the rise of grey from dark to
     bright.
 
-    The rise is measured across the middle of the straight line between them, an eighth of its length to each
-    side.
+    The rise is measured across the middle of the straight line between them, ``beside`` times the width of the squares
+    to each side.
     """
     place = {pair: k for k, pair in enumerate(zip(*lattice.index.T.tolist(), strict=True))}
     di, dj = step.tolist()
@@ -188,8 +195,10 @@ def _edge_rises(grey: Grey, lattice: Lattice, step: Ints) -> tuple[Ints, Ints, F
     along = lattice.uv[end] - lattice.uv[start]
     # Towards the square that lies down and right of ``start``: below a row's edge, right of a column's.
     across = np.stack([-along[:, 1], along[:, 0]], axis=1) * (1 if di else -1)
-    length = np.linalg.norm(along, axis=1)[:, None]
-    across *= np.maximum(0.125, 1.5 / np.maximum(length, 1e-9))
+    squared = np.maximum((along**2).sum(axis=1), 1e-9)
+    # Squares seen from a side are narrow: their width is their area over the edge's length.
+    width = np.abs(np.linalg.det(local_frames(lattice.index, lattice.uv)[0][start])) / np.sqrt(squared)
+    across *= (np.maximum(beside * width, 1.5) / np.sqrt(squared))[:, None]
     middle = lattice.uv[start][:, None] + along[:, None] * np.array([0.35, 0.5, 0.65])[:, None]
     difference = sample(grey, middle + across[:, None]) - sample(grey, middle - across[:, None])
     return start, end, difference.mean(axis=1) * signs(lattice.index[start], lattice.phase)
