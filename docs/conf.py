@@ -28,7 +28,7 @@ extensions = [
 ]
 exclude_patterns = ["examples", "extensions"]
 highlight_language = "none"
-myst_enable_extensions = ["dollarmath", "deflist"]
+myst_enable_extensions = ["attrs_inline", "dollarmath"]
 myst_heading_anchors = 3
 
 nitpicky = True

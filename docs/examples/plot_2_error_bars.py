@@ -28,11 +28,8 @@ def calibrated(seed):
     views = []
     for i, pose in enumerate(poses):
         uv = true_corners(lens, board, pose)
-        views.append(
-            pinholify.Corners(
-                f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, NOISE, uv.shape)
-            )
-        )
+        noise = rng.normal(0.0, NOISE, uv.shape)
+        views.append(pinholify.Corners(f"view-{i}", np.arange(len(uv)), uv + noise))
     corners = pinholify.CornerSet(board, lens.size, tuple(views))
     return pinholify.calibrate(corners, reference="view-0", trend="plane:2")
 

@@ -25,11 +25,8 @@ rng = np.random.default_rng(0)
 views = []
 for i, pose in enumerate(poses):
     uv = true_corners(lens, board, pose)
-    views.append(
-        pinholify.Corners(
-            f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, 0.1, uv.shape)
-        )
-    )
+    noise = rng.normal(0.0, 0.1, uv.shape)
+    views.append(pinholify.Corners(f"view-{i}", np.arange(len(uv)), uv + noise))
 corners = pinholify.CornerSet(board, lens.size, tuple(views))
 
 # %%
@@ -63,23 +60,17 @@ def errors(found):
 
 
 ours = errors(calibration.camera.to_rays(pixels).directions)
-flat = cv2.fisheye.undistortPoints(pixels[:, None], opencv.matrix, opencv.distortion)[
-    :, 0
-]
+flat = cv2.fisheye.undistortPoints(pixels[:, None], opencv.matrix, opencv.distortion)
+flat = flat.reshape(-1, 2)
 directions = np.column_stack([flat, np.ones(len(flat))])
 theirs = errors(directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
 figure, axes = plt.subplots(1, 2, figsize=(10, 3.9), layout="constrained", sharey=True)
 named = {"OpenCV's fisheye model": theirs, "pinholify": ours}
 for axis, (title, error) in zip(axes, named.items(), strict=True):
+    size = error.reshape(u.shape)
     drawn = axis.pcolormesh(
-        u,
-        v,
-        error.reshape(u.shape),
-        norm="log",
-        vmin=0.01,
-        vmax=10.0,
-        shading="nearest",
+        u, v, size, norm="log", vmin=0.01, vmax=10.0, shading="nearest"
     )
     axis.set(title=title, aspect="equal", ylim=(479, 0))
 figure.colorbar(drawn, ax=axes, label="error, px", extend="both")

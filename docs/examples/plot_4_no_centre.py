@@ -24,11 +24,8 @@ def heldout_error(lens):
     views = []
     for i, pose in enumerate(board_poses((lens,), board, 16, seed=4)):
         uv = true_corners(lens, board, pose)
-        views.append(
-            pinholify.Corners(
-                f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, NOISE, uv.shape)
-            )
-        )
+        noise = rng.normal(0.0, NOISE, uv.shape)
+        views.append(pinholify.Corners(f"view-{i}", np.arange(len(uv)), uv + noise))
     train = pinholify.CornerSet(board, lens.size, tuple(views[:10]))
     test = pinholify.CornerSet(board, lens.size, tuple(views[10:]))
     calibration = pinholify.calibrate(train, reference="view-0", trend="plane")

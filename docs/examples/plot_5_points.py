@@ -28,11 +28,8 @@ rng = np.random.default_rng(0)
 views = []
 for i, pose in enumerate(poses):
     uv = true_corners(lens, board, pose)
-    views.append(
-        pinholify.Corners(
-            f"view-{i}", np.arange(len(uv)), uv + rng.normal(0.0, 0.05, uv.shape)
-        )
-    )
+    noise = rng.normal(0.0, 0.05, uv.shape)
+    views.append(pinholify.Corners(f"view-{i}", np.arange(len(uv)), uv + noise))
 train = pinholify.CornerSet(board, lens.size, tuple(views[:8]))
 camera = pinholify.calibrate(train, reference="view-0", trend="angle:2").camera
 
