@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from pinholify import pipeline
+from pinholify.board import Checkerboard
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement import JointResult, refine
+from pinholify.simulation import lenses
+from pinholify.simulation.views import board_poses, true_corners
 
 from .conftest import BOARD, LENSES, SIZE, Scene, make_scene, ray_errors_px, true_intrinsics
 
@@ -106,6 +109,24 @@ def test_a_decentred_lens_is_known_as_such() -> None:
     assert result.trend == "plane-d:2+p"
     assert not result.kernel_px
     assert covered_error(scene, result) < 0.1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pinhole_needs_no_law_of_distortion(seed: int) -> None:
+    """Its trend is solved for itself: beside a law that has nothing to do, its evidence came out too low."""
+    assert refine(make_scene("pinhole", views=24, seed=seed).corners, reference="view00").trend == "plane:0"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_bumps_of_six_pixels_are_followed(seed: int) -> None:
+    """What the linearised problem promises for a strong process may not hold; then other trends are looked at."""
+    lens, board = lenses.LENSES["windscreen"], Checkerboard(12, 9)
+    rng = np.random.default_rng(seed)
+    views = [true_corners(lens, board, pose) for pose in board_poses([lens], board, 24, seed=seed)]
+    corners = tuple(Corners(f"{i}", np.arange(108), uv + rng.normal(0, 0.1, uv.shape)) for i, uv in enumerate(views))
+    result = refine(CornerSet(board, lens.size, corners), reference="0")
+    assert result.noise_px == pytest.approx(0.1, rel=0.05)
 
 
 def test_the_map_is_the_same_from_the_smallest_and_most_oblique_reference(

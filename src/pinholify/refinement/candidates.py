@@ -36,13 +36,14 @@ from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
 SCREENING_LENGTH_SCALE = 0.25  # the shortest that screening resolves, in half diagonals of the image
 FIRST_LENGTH_SCALE = 0.4
-LED_STEPS = 15  # a trend that some corners do not lead to its end by then is not the lens's
+LED_STEPS = 15  # a trend that is not at its end by then is not the lens's
 GRID = 15
 FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
 ENDS_COST = 100.0  # nats
 WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
 WORTH = 3.0  # nats that the process must bring for its two parameters
-CONTENDERS, WINDOW = 4, 40.0  # how many of the best get a closer look, and how many nats behind the best
+BROKEN = 2.0  # times the noise that a leader promised
+CONTENDERS, WINDOW = 4, 15.0  # how many of the best get a closer look, and how many nats behind the best
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,9 +86,14 @@ class Candidate:
     ends_in_image: bool
 
     @property
+    def on(self) -> bool:
+        """Whether it has the process."""
+        return len(self.hyperparameters.kernel) > 0
+
+    @property
     def name(self) -> str:
         """The trend, and ``+gp`` where the process is on."""
-        return self.trend.name + ("+gp" if len(self.hyperparameters.kernel) else "")
+        return self.trend.name + ("+gp" if self.on else "")
 
     @property
     def score(self) -> float:
@@ -95,7 +101,7 @@ class Candidate:
 
         reach the image's corners has to be far better than one that does.
         """
-        cost = (WORTH if len(self.hyperparameters.kernel) else 0.0) + (ENDS_COST if self.ends_in_image else 0.0)
+        cost = (WORTH if self.on else 0.0) + (ENDS_COST if self.ends_in_image else 0.0)
         return self.log_evidence - cost
 
 
@@ -120,6 +126,14 @@ def solve_trend(
     return minimise(model, state, seen, model.trend_precision(), Loss(), most_steps=most_steps)
 
 
+def led(setting: Setting, trend: Trend, known: Solution, seen: Observations) -> Solution | None:
+    """:func:`solve_trend` for some of the corners, and the one step that makes up for what the others say."""
+    near = solve_trend(setting, trend, known, seen.thinned())
+    if near is None:
+        return None
+    return minimise(near.model, near.state, seen, near.model.trend_precision(), Loss(), most_steps=1)
+
+
 def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen: Observations) -> Linearised:
     """The linearised problem around a solution without process, with the functions of ``basis`` at weight
     zero.
@@ -142,15 +156,8 @@ class Solved:
 
 
 def solve(setting: Setting, search: Search, known: Solution, seen: Observations) -> Solved | None:
-    """``search`` without process; None where it does not fit.
-
-    Solved for some of the corners, which leads so near to what all of them say that one step makes up for the rest.
-    """
-    led = solve_trend(setting, search.general, known, seen.thinned(), most_steps=LED_STEPS)
-    if led is None:
-        return None
-    model = led.model
-    solution = minimise(model, led.state, seen, model.trend_precision(), Loss(), most_steps=1)
+    """``search`` without process; None where it does not fit."""
+    solution = solve_trend(setting, search.general, known, seen, most_steps=LED_STEPS)
     if solution is None:
         return None
     alone = linearise_with(setting, solution, no_basis(setting.half_size), seen)
@@ -195,10 +202,11 @@ def _candidate(setting: Setting, trend: Trend, solution: Solution, problem: Line
 def candidates(
     setting: Setting, stages: Sequence[Sequence[Search]], known: Solution, seen: Observations
 ) -> Iterator[Candidate]:
-    """Candidates of all searches, with and without process, as they are found.
+    """Candidates of all searches, with and without process, as they are found, by some of the corners.
 
     A later stage is solved only where no trend of those before suffices without the process.
     """
+    seen = seen.thinned()
     sufficient, start = False, None
     for searches in stages:
         if sufficient:
@@ -217,9 +225,9 @@ def candidates(
             start = _strong_enough(found.hyperparameters)
 
 
-def _first_guess(setting: Setting, solved: Solved) -> Hyperparameters:
-    """A process as strong as what the best trend leaves."""
-    noise = solved.plain[0].hyperparameters.noise
+def _first_guess(setting: Setting, plain: Candidate) -> Hyperparameters:
+    """A process as strong as what a trend leaves."""
+    noise = plain.hyperparameters.noise
     return Hyperparameters(np.log([noise, *[FIRST_LENGTH_SCALE] * setting.scales]), noise)
 
 
@@ -233,7 +241,7 @@ def _with_process(
 ) -> Candidate | None:
     """The best trend of the search with the process, chosen with the hyperparameters of another search."""
     whole = linearise_with(setting, solved.solution, sine_basis(setting.half_size, SCREENING_LENGTH_SCALE), seen)
-    start = start or _fitted(setting, whole, _first_guess(setting, solved)).hyperparameters
+    start = start or _fitted(setting, whole, _first_guess(setting, solved.plain[0])).hyperparameters
     return _best_at(setting, solved.solution, whole, [plain.trend for plain in solved.plain], start)
 
 
@@ -268,35 +276,48 @@ def contest(
     """The best of each of the leading searches after a closer look, best first.
 
     Far from where it was linearised a trend's evidence is only rough, so each leader is solved for itself and
-    compared with its neighbours anew.
+    compared with its neighbours anew; where none near the best holds what it promised, those farther behind are too.
     """
     orders = {trend.order for searches in stages for search in searches for trend in search.within}
     leaders: dict[int, Candidate] = {}
     for candidate in sorted(tried, key=lambda candidate: -candidate.score):
         leaders.setdefault(id(candidate.origin), candidate)
-    ranked = list(leaders.values())
-    close: dict[Search, Candidate] = {}
+    ranked = sorted(leaders.values(), key=lambda candidate: -candidate.score)
+    looks: dict[Search, Candidate | None] = {}
     for leader in ranked:
-        if leader.score > ranked[0].score - WINDOW:
-            close.setdefault(leader.trend.around(), leader)
-    some = list(close.values())[:CONTENDERS]
-    finalists = [found for leader in some if (found := _closer(setting, leader, orders, seen)) is not None]
-    return sorted(finalists, key=lambda candidate: -candidate.score)
+        held = [found for found in looks.values() if found]
+        near = leader.on or leader.score > ranked[0].score - WINDOW  # a strong process is not nearly linear
+        if len(held) >= CONTENDERS or (held and not near):
+            break
+        if (around := leader.trend.around()) not in looks:
+            looks[around] = _closer(setting, leader, orders, seen)
+    finalists = sorted((found for found in looks.values() if found), key=lambda candidate: -candidate.score)
+    return [_retested(setting, finalists[0], seen), *finalists[1:]] if finalists else []
+
+
+def _retested(setting: Setting, best: Candidate, seen: Observations) -> Candidate:
+    """``best``, with the process where all corners ask for it although some did not."""
+    if best.on:
+        return best
+    whole = linearise_with(setting, best.origin, sine_basis(setting.half_size, SCREENING_LENGTH_SCALE), seen)
+    found = _best_at(setting, best.origin, whole, [best.trend], _first_guess(setting, best))
+    return found if found and found.score > best.score else best
 
 
 def _closer(
     setting: Setting, leader: Candidate, orders: Container[int], seen: Observations
 ) -> Candidate | None:
-    """The best trend around ``leader``, linearised where that is solved."""
+    """The best trend around ``leader``, linearised where that is solved; None where it leaves far more than there."""
     search = leader.trend.around()
-    solution = solve_trend(setting, search.general, leader.origin, seen)
+    solution = led(setting, search.general, leader.origin, seen)
     if solution is None:
         return None
     trends = [trend for trend in search.within if trend.order in orders]
-    on = len(leader.hyperparameters.kernel) > 0
-    basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if on else no_basis(setting.half_size)
+    basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if leader.on else no_basis(setting.half_size)
     whole = linearise_with(setting, solution, basis, seen)
     found = _without_process(setting, solution, whole.without_process(), trends, leader.hyperparameters.noise)
-    if on:
+    if leader.on:
         found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters))
-    return max(filter(None, found), key=lambda candidate: candidate.score, default=None)
+    best = max(filter(None, found), key=lambda candidate: candidate.score, default=None)
+    holds = best is not None and best.hyperparameters.noise < BROKEN * leader.hyperparameters.noise
+    return best if holds else None

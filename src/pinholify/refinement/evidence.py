@@ -20,7 +20,7 @@ from pinholify.refinement.normal import NormalEquations
 from pinholify.refinement.spectral import LogDensity
 
 LOG_2PI = float(np.log(2.0 * np.pi))
-STD_RANGE = (1e-7, 0.3)  # of the process, in normalised image units
+STD_RANGE = (1e-7, 0.1)  # of the process, in normalised image units; what is more is the trend's
 NOISE_RANGE = (1e-8, 0.1)
 LONGEST = 1.0
 NOISE_ROUNDS, NOISE_TOLERANCE = 3, 1e-4

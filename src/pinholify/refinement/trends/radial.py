@@ -223,6 +223,11 @@ class LensTrend:
         return self.tilted and isinstance(self.chart, Plane)
 
     @property
+    def _bends(self) -> bool:
+        """Whether there is a radial law, about a centre and with axes."""
+        return self.tangent or self.order > 0
+
+    @property
     def _free(self) -> Bools:
         """Which of the full family's parameters are β."""
         flags = [(True, 1), (self.anisotropic, 2), (True, 2), (self._has_offset, 2), (self.elliptic, 1)]
@@ -233,17 +238,25 @@ class LensTrend:
         """Itself and all with fewer of the other numbers, of the same order and radial law; no two say the
         same.
         """
-        bent = self.tangent or self.order > 0
-        anisotropic, tilted, elliptic = self.anisotropic, self._has_offset and bent, self.elliptic and bent
-        general = anisotropic, tilted, elliptic, self.decentred, self.prismatic
+        tilted, elliptic = self._has_offset and self._bends, self.elliptic and self._bends
+        general = self.anisotropic, tilted, elliptic, self.decentred, self.prismatic
         for s, b, r, p, q in product(*((True, False) if has else (False,) for has in general)):
             if p or not q:  # nothing real has a prism alone
                 yield replace(self, anisotropic=s, tilted=b, elliptic=r, decentred=p, prismatic=q)
 
     def around(self) -> Search:
-        """All that is as simple as this, or has more of the other numbers."""
-        general = replace(self, anisotropic=True, tilted=True, elliptic=True, decentred=True, prismatic=True)
-        orders = (self.order, self.order - 1) if self.order else (0,)
+        """All that is as simple as this, or has one order or more of the other numbers that tell there."""
+        highest = HIGHEST_TANGENT if self.tangent else HIGHEST if self.order else 0
+        general = replace(
+            self,
+            order=max(self.order, min(self.order + 1, highest)),
+            anisotropic=True,
+            tilted=self._bends,
+            elliptic=self._bends,
+            decentred=True,
+            prismatic=True,
+        )
+        orders = range(max(self.order - 1, 0), general.order + 1)
         return Search(general, tuple(v for n in orders for v in general.of_order(n).variants()))
 
     def of_order(self, order: int) -> LensTrend:
@@ -328,10 +341,16 @@ class LensTrend:
 def lens_searches(chart: RayChart, distorting: bool, order: int | None) -> list[Search]:
     """One solve for all orders of the polynomial law, and one for each order of the tangent law, which is not
     linear in κ. A given ``order`` is the only one.
+
+    No law at all, which is the same in both directions, is solved apart: near it the centre and the axes of a law may
+    be anything, so it does not follow from one.
     """
-    highest = LensTrend(chart, distorting, HIGHEST if order is None else order, tangent=False)
-    orders = range(HIGHEST + 1) if order is None else [order]
-    searches = [Search(highest, tuple(v for n in orders for v in highest.of_order(n).variants()))]
+    general, searches = LensTrend(chart, distorting, HIGHEST if order is None else order, tangent=False), []
+    if orders := range(1, HIGHEST + 1) if order is None else [order] if order else []:
+        searches.append(Search(general, tuple(v for n in orders for v in general.of_order(n).variants())))
+    if order == 0 or (order is None and not distorting):
+        none = replace(general, order=0, tilted=False, elliptic=False)
+        searches.append(Search(none, tuple(none.variants())))
     if not distorting and isinstance(chart, Angles):
         return searches  # an arc tangent of the radius: no lens has it
     for n in range(HIGHEST_TANGENT + 1) if order is None else [order]:
