@@ -23,6 +23,7 @@ extensions = [
     "extensions.api_tables",
     "extensions.command_line",
     "extensions.mathml",
+    "extensions.names",
     "extensions.pictures",
     "extensions.self_contained",
 ]
@@ -34,7 +35,7 @@ myst_heading_anchors = 3
 nitpicky = True
 nitpick_ignore_regex = [
     (r"py:.*", r"(?!pinholify\.).*"),  # types of other packages, whose inventories are not fetched; short names of ours
-    (r"py:class", r"pinholify\.refinement\..*"),  # what the joint solve is made of, in signatures of its results
+    (r"py:class", r"pinholify\.(refinement|reproduction)\..*"),  # what only they are made of, in signatures
 ]
 
 autodoc_default_options = {"members": True, "member-order": "bysource"}
