@@ -41,6 +41,9 @@ SURE = 0.25
 GATE = 6.0
 """Standard deviations from its expected place within which a corner may be found."""
 
+MODEL = 0.05
+"""px. How far off a camera may be where its own standard deviation says nothing of it, as beyond its corners."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
@@ -74,7 +77,10 @@ def expect(camera: VirtualCamera, view: Corners, board: Board) -> Expected | Non
     known = camera.inside(view.uv)
     if known.sum() < MINIMUM_CORNERS:
         return None
-    pose, covariance = estimate_pose(camera, sighting_of(camera, flat(points[known]), view.uv[known]))
+    try:
+        pose, covariance = estimate_pose(camera, sighting_of(camera, flat(points[known]), view.uv[known]))
+    except np.linalg.LinAlgError:  # no pose comes near corners of another camera
+        return None
     places = lattice(board)
     around = places[:, None] + STEP * AROUND
     uv = camera.project(pose.apply(flat(around.reshape(-1, 2)))).reshape(len(places), len(AROUND), 2)
@@ -105,12 +111,12 @@ def _std(
 ) -> Floats:
     """Standard deviation (n,) px of a corner found from where it is expected.
 
-    It has three parts: the ``pose`` with its ``covariance``, the camera's map, and the ``scatter`` of corners.
+    It is made of the ``pose`` with its ``covariance``, the camera's map, the ``scatter`` of corners, and MODEL.
     """
     _, by_pose = pose_residuals(sighting_of(camera, flat(places), uv), pose, camera.chart)
     by_pose = by_pose.reshape(-1, 2, 6)
     variance = np.einsum("nij,jk,nik->n", by_pose, covariance, by_pose) / 2
-    return np.asarray(np.sqrt(variance + camera.shape_std(uv) ** 2 + scatter**2))
+    return np.asarray(np.sqrt(variance + camera.shape_std(uv) ** 2 + scatter**2 + MODEL**2))
 
 
 def _fitted(grey: Grey, view: Corners, board: Board, expected: Expected) -> Corners:
