@@ -132,24 +132,35 @@ def observe(
     ``solid`` takes lattice points (n, 2) to the board's points (n, 3); boards are flat unless it says otherwise.
     """
     mapped = map_views(camera, corner_set)
-    return mapped, {b.name: locate(camera, b, solid) for b in mapped if b.used}
+    used = [b for b in mapped if b.used]
+    if not used:
+        return mapped, {}
+    target, uv = (np.concatenate(parts) for parts in ([solid(b.lattice) for b in used], [b.uv for b in used]))
+    every = sighting_of(camera, target, uv)
+    ends = np.cumsum([len(b.uv) for b in used])
+    parts = (np.split(each, ends)[:-1] for each in (every.target, every.coordinates, every.whitening))
+    return mapped, {
+        b.name: _locate(camera, b, Sighting(*part)) for b, part in zip(used, zip(*parts, strict=True), strict=True)
+    }
 
 
 def map_views(camera: VirtualCamera, corner_set: CornerSet) -> list[MappedBoard]:
     """The board of every view of ``corner_set`` in the virtual plane of ``camera``."""
-    return without_wrong_corners([_map_view(camera, view, corner_set.board) for view in corner_set.views], corner_set)
-
-
-def _map_view(camera: VirtualCamera, view: Corners, board: Board) -> MappedBoard:
-    if not view.found:
-        return unused(view, view.reason or "no board found")
-    q = camera.plane_map.value(view.uv)
-    directions = camera.chart.directions(q)
-    inside = camera.inside(view.uv) & (directions[:, 2] > np.cos(WIDEST))
-    q, directions = q[inside], directions[inside]
-    by_q = camera.intrinsics.projection_jacobian(directions) @ camera.chart.direction_jacobian(q)
-    jacobian = by_q @ camera.plane_map.jacobian(view.uv[inside])
-    return map_board(view, board, inside, camera.intrinsics.project(directions), jacobian)
+    empty = np.empty((0, 2))
+    uv = np.concatenate([empty, *(view.uv for view in corner_set.views)])  # the map is asked once for all of them
+    directions = camera.chart.directions(camera.plane_map.value(uv))
+    inside = camera.inside(uv) & (directions[:, 2] > np.cos(WIDEST))
+    xy, jacobian = np.full((len(uv), 2), np.nan), np.full((len(uv), 2, 2), np.nan)
+    xy[inside], jacobian[inside] = camera.intrinsics.project(directions[inside]), camera.virtual_jacobian(uv[inside])
+    ends = np.cumsum([len(view) for view in corner_set.views])
+    parts = (np.split(each, ends)[:-1] for each in (inside, xy, jacobian))
+    mapped = [
+        map_board(view, corner_set.board, keep, points[keep], slopes[keep])
+        if view.found
+        else unused(view, view.reason or "no board found")
+        for view, keep, points, slopes in zip(corner_set.views, *parts, strict=True)
+    ]
+    return without_wrong_corners(mapped, corner_set)
 
 
 def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:
@@ -158,12 +169,11 @@ def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:
     return Sighting(target, camera.plane_map.value(uv), whitening)
 
 
-def locate(camera: VirtualCamera, board: MappedBoard, solid: Solid = flat) -> ObservedBoard:
-    """The poses of a used board: in closed form as if it were flat, refined on its ``solid`` points."""
+def _locate(camera: VirtualCamera, board: MappedBoard, seen: Sighting) -> ObservedBoard:
+    """The poses of a used board: in closed form as if it were flat, refined on the points that it was ``seen`` by."""
     closed = pose_from_homography(board.homography, camera.intrinsics)
-    points = solid(board.lattice)
-    refined, covariance = refine_pose(sighting_of(camera, points, board.uv), closed, camera.chart)
-    projected = camera.intrinsics.project(refined.apply(points))
+    refined, covariance = refine_pose(seen, closed, camera.chart)
+    projected = camera.intrinsics.project(refined.apply(seen.target))
     return ObservedBoard(board, closed, refined, covariance, projected)
 
 

@@ -203,7 +203,8 @@ def _noise_std(
     ends = np.cumsum([len(b.uv) for b in boards])
     for i, (board, common) in enumerate(zip(boards, np.split(shifts, ends[:-1], axis=1), strict=True)):
         own = board.misfit_px / np.sqrt(2.0) * rng.standard_normal(common.shape)
-        shift = common + np.einsum("nij,dnj->dni", np.linalg.inv(board.whitening), own)
+        back = np.linalg.inv(board.whitening)
+        shift = common + back[:, :, 0] * own[:, :, :1] + back[:, :, 1] * own[:, :, 1:]
         response = homography_response(board.homography, board.lattice, board.whitening)
         drawn[:, i] = board.homography + (shift.reshape(DRAWS, -1) @ response.T).reshape(DRAWS, 3, 3)
     values, _, valid = solve(drawn, plane)

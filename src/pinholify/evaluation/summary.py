@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pinholify.arrays import Floats
 from pinholify.calibration.circles import centred
 from pinholify.calibration.observation import MappedBoard, ObservedBoard, observe
 from pinholify.calibration.result import Calibration
@@ -124,13 +125,13 @@ def evaluate(
         heldout, reason = _heldout(recalibrate, corner_set, [split]) if recalibrate else (None, NOT_ASKED)
     kfold_px = _heldout(recalibrate, corner_set, folds(corner_set, views, FOLDS))[0] if recalibrate and kfold else None
     opencv = _opencv(corner_set, mapped, split) if compare_opencv else {}
-    others = {name: o for name, o in observed.items() if name != calibration.reference}
+    measured = {name: _measured(o, calibration) for name, o in observed.items()}
     return Evaluation(
         calibration,
-        tuple(_board_score(board, observed.get(board.name), calibration) for board in mapped),
+        tuple(_board_score(board, measured.get(board.name)) for board in mapped),
         observed,
-        _pooled(observed, calibration),
-        _pooled(others, calibration),
+        _pooled(list(measured.values())),
+        _pooled([m for name, m in measured.items() if name != calibration.reference]),
         None if lines is None else float(lines.distances.mean()),
         lines,
         heldout,
@@ -148,33 +149,40 @@ def unseen(calibration: Calibration, corner_set: CornerSet) -> bool:
     )
 
 
-def _board_score(board: MappedBoard, observed: ObservedBoard | None, calibration: Calibration) -> BoardScore:
-    inside = int(board.inside.sum())
-    if observed is None:
-        return BoardScore(board.name, False, board.reason, board.corners, inside)
-    intrinsics = calibration.camera.intrinsics
-    return BoardScore(
-        board.name,
-        True,
-        "",
-        board.corners,
-        inside,
-        float(collinearity_errors(board.lattice, board.xy).mean()),
-        closed_form_percent(observed, intrinsics),
+@dataclass(frozen=True, slots=True, eq=False)
+class _Measured:
+    """One board: CE of its lines, RE closed-form and refined in %, residuals (n, 2) px of the refined pose."""
+
+    lines: Floats
+    re_percent: float
+    re_refined_percent: float
+    residuals: Floats
+
+
+def _measured(observed: ObservedBoard, calibration: Calibration) -> _Measured:
+    return _Measured(
+        collinearity_errors(observed.board.lattice, observed.board.xy),
+        closed_form_percent(observed, calibration.camera.intrinsics),
         refined_percent(observed),
-        board.misfit_px,
+        observed.residual_px,
     )
 
 
-def _pooled(observed: dict[str, ObservedBoard], calibration: Calibration) -> Pooled:
-    boards, intrinsics = list(observed.values()), calibration.camera.intrinsics
-    lines = [collinearity_errors(o.board.lattice, o.board.xy) for o in boards]
-    residuals = [o.residual_px for o in boards]
+def _board_score(board: MappedBoard, measured: _Measured | None) -> BoardScore:
+    inside = int(board.inside.sum())
+    if measured is None:
+        return BoardScore(board.name, False, board.reason, board.corners, inside)
+    ce = float(measured.lines.mean())
+    percents = measured.re_percent, measured.re_refined_percent
+    return BoardScore(board.name, True, "", board.corners, inside, ce, *percents, board.misfit_px)
+
+
+def _pooled(boards: Sequence[_Measured]) -> Pooled:
     return Pooled(
-        float(np.concatenate(lines).mean()) if lines else float("nan"),
-        root_mean_square(closed_form_percent(o, intrinsics) for o in boards),
-        root_mean_square(refined_percent(o) for o in boards),
-        rms(np.concatenate(residuals)) if residuals else float("nan"),
+        float(np.concatenate([b.lines for b in boards]).mean()) if boards else float("nan"),
+        root_mean_square(b.re_percent for b in boards),
+        root_mean_square(b.re_refined_percent for b in boards),
+        rms(np.concatenate([b.residuals for b in boards])) if boards else float("nan"),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from pinholify.refinement.trends import Trend
 from pinholify.refinement.trends.base import inverse_2x2
 
 POSE = 6
+AT_ONCE = 4096  # pixels, of which features are held in memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,12 +78,12 @@ class JointMap:
 
     def covariance(self, uv: Floats) -> Floats:
         """Covariance of q (n, 2, 2), radians²."""
-        return _covariances(self.features(uv), self.root)
+        return _in_parts(lambda some: _covariances(self.features(some), self.root), uv)
 
     def covariance_up_to_turn(self, uv: Floats) -> Floats:
         """Covariance of q (n, 2, 2) once each error of the map is turned back as well as it goes, over all corners."""
         turned = np.concatenate([self.root[:-POSE], self.turn_root, np.zeros_like(self.turn_root)])
-        return _covariances(self.features(uv), turned)
+        return _in_parts(lambda some: _covariances(self.features(some), turned), uv)
 
     def with_turn_fitted(self, uv: Floats) -> JointMap:
         """The same map with :attr:`turn_root` fitted to its errors at pixels ``uv`` (n, 2)."""
@@ -92,7 +94,7 @@ class JointMap:
 
     def virtual_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) of virtual points, squares²: what the reference board's pose and K share cancels."""
-        return _covariances(self.virtual_features(uv), self.root)
+        return _in_parts(lambda some: _covariances(self.virtual_features(some), self.root), uv)
 
     def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
         """uv (n, 2) of ``q``, on the trend's own branch; nan where it has none. ``reach`` is not needed."""
@@ -163,6 +165,11 @@ class JointMap:
         by_w = by_c @ inverse_2x2(by_ray)
         displacement = np.eye(2) + self.basis.combine(self.weights, w)[1]
         return by_w @ inverse_2x2(displacement), -by_w @ by_beta
+
+
+def _in_parts(function: Callable[[Floats], Floats], uv: Floats) -> Floats:
+    """``function`` of pixels (n, 2), of so many at a time as memory holds the features of."""
+    return np.concatenate([function(some) for some in np.array_split(uv, len(uv) // AT_ONCE + 1)])
 
 
 def _covariances(features: Floats, root: Floats) -> Floats:
