@@ -48,18 +48,20 @@ class SineBasis:
             np.multiply(u[:, j], v[:, k], out=row)
         return values.T
 
+    def combined(self, weights: Floats, w: Floats) -> Floats:
+        """g alone (n, m), in half the time of :meth:`combine`."""
+        (u, v), _ = self._factors(w)
+        return np.stack([((u @ grid) * v).sum(axis=1) for grid in self._grids(weights)], axis=1)
+
     def combine(self, weights: Floats, w: Floats) -> tuple[Floats, Floats]:
         """g = Σ φ · ``weights`` (M, m) at ``w`` (n, 2), and ∂g/∂w: (n, m) and (n, m, 2)."""
-        n, m = len(w), weights.shape[1]
-        if not len(self):
-            return np.zeros((n, m)), np.zeros((n, m, 2))
         (u, v), (du, dv) = self._factors(w)
-        grid = np.zeros((u.shape[1], v.shape[1], m))
-        grid[self.order[:, 0] - 1, self.order[:, 1] - 1] = weights
-        flat = grid.reshape(u.shape[1], -1)
-        along, slope = (u @ flat).reshape(n, -1, m), (du @ flat).reshape(n, -1, m)
-        value, by_u, by_v = (np.einsum("nkm,nk->nm", a, b) for a, b in ((along, v), (slope, v), (along, dv)))
-        return value, np.stack([by_u, by_v], axis=2)
+        value, slope = np.empty((len(w), weights.shape[1])), np.empty((len(w), weights.shape[1], 2))
+        for i, grid in enumerate(self._grids(weights)):
+            along = u @ grid
+            value[:, i] = (along * v).sum(axis=1)
+            slope[:, i, 0], slope[:, i, 1] = ((du @ grid) * v).sum(axis=1), (along * dv).sum(axis=1)
+        return value, slope
 
     def undisplaced(self, weights: Floats, x: Floats) -> Floats:
         """The w (n, 2) with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
@@ -73,6 +75,12 @@ class SineBasis:
             if np.abs(error).max(initial=0.0) < NEWTON_TOLERANCE:
                 break
         return w
+
+    def _grids(self, weights: Floats) -> Floats:
+        """``weights`` (M, m) laid out by j and k: (m, J, K)."""
+        grids = np.zeros((weights.shape[1], *self.order.max(axis=0, initial=0)))
+        grids[:, self.order[:, 0] - 1, self.order[:, 1] - 1] = weights.T
+        return grids
 
     def _factors(self, w: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
         """The sines of both axes, (n, J) and (n, K), and their derivatives."""

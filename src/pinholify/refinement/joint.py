@@ -107,9 +107,9 @@ def _refined(
     tried = sorted(candidates(setting, stages, known, seen), key=lambda candidate: -candidate.score)
     finalists = contest(setting, stages, tried, seen)
     for candidate in (*finalists, *tried[:SECOND_CHOICES]):
-        shaped = replace(setting, shape=best_shape(setting, candidate))
+        shape, fitted = best_shape(setting, candidate)
         try:
-            return finalists, clean(shaped, candidate, seen, everything)
+            return finalists, clean(replace(setting, shape=shape), fitted, seen, everything)
         except SolveError:
             continue
     raise CalibrationError(

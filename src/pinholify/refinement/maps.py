@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from pinholify.refinement.model import cross_matrices
 from pinholify.refinement.observations import ImageFrame
 from pinholify.refinement.trends import Trend
 from pinholify.refinement.trends.base import inverse_2x2
+
+if TYPE_CHECKING:  # loads SciPy
+    from pinholify.gp.maps import Nearby
 
 POSE = 6
 AT_ONCE = 4096  # pixels, of which features are held in memory
@@ -96,13 +100,14 @@ class JointMap:
         """Covariance (n, 2, 2) of virtual points, squares²: what the reference board's pose and K share cancels."""
         return _in_parts(lambda some: _covariances(self.virtual_features(some), self.root), uv)
 
-    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
-        """uv (n, 2) of ``q``, on the trend's own branch; nan where it has none. ``reach`` is not needed."""
+    def inverse(self, q: Floats, nearby: Nearby) -> Floats:
+        """uv (n, 2) of ``q``, on the trend's own branch; nan where it has none."""
         chart = self.trend.chart
         with np.errstate(invalid="ignore"):
             c = chart.coordinates(angles_to_directions(q))
-            w = self.trend.image(self.beta, c, self._undisplaced(start))
-        return self.frame.restore(w + self.basis.combine(self.weights, w)[0])
+            near = self.frame.normalise(nearby(q)[0]) if self.trend.searches else c
+            w = self.trend.image(self.beta, c, near)
+        return self.frame.restore(w + self.basis.combined(self.weights, w))
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """Shifts of q (draws, n, 2), to first order: draws of the posterior, where little is left of the

@@ -43,13 +43,13 @@ class Settled:
     precision: Floats
 
 
-def best_shape(setting: Setting, candidate: Candidate) -> BoardShape:
-    """The shape of the board that the candidate's evidence prefers; flat and square unless another is worth
-    it.
+def best_shape(setting: Setting, candidate: Candidate) -> tuple[BoardShape, Candidate]:
+    """The shape of the board that the candidate's evidence prefers, flat and square unless another is worth it; and
+    the candidate with the hyperparameters of that evidence.
     """
     problem = candidate.problem
     first = len(problem.theta) - len(setting.shape.prior_std)
-    evidences = []
+    found = []
     for shape in setting.shape.smaller():
         removed = np.concatenate([np.zeros(first, dtype=bool), ~setting.shape.kept(shape)])
         fit = maximise_evidence(
@@ -61,8 +61,9 @@ def best_shape(setting: Setting, candidate: Candidate) -> BoardShape:
             most=6,
         )
         cost = WORTH * (shape.bends + shape.stretches)
-        evidences.append((fit.log_evidence - cost, shape))
-    return max(evidences, key=lambda pair: pair[0])[1]
+        found.append((fit.log_evidence - cost, shape, fit.hyperparameters))
+    _, shape, hyperparameters = max(found, key=lambda each: each[0])
+    return shape, replace(candidate, hyperparameters=hyperparameters)
 
 
 def settle(setting: Setting, candidate: Candidate, seen: Observations, known: State | None = None) -> Settled:

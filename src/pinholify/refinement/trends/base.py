@@ -128,6 +128,11 @@ class Trend(Protocol):
         ...
 
     @property
+    def searches(self) -> bool:
+        """Whether :meth:`image` needs to know what is near."""
+        ...
+
+    @property
     def prior_std(self) -> Floats:
         """Standard deviations of β under the prior, whose mean is zero, (p,)."""
         ...

@@ -67,6 +67,11 @@ class PolynomialTrend:
         return True
 
     @property
+    def searches(self) -> bool:
+        """Yes, by Newton's method."""
+        return True
+
+    @property
     def prior_std(self) -> Floats:
         """Wide for the linear part, 1 for what bends."""
         return np.array([LINEAR_STD] * 3 + [HIGHER_STD] * (2 * (len(self._exponents[0]) - 2)))

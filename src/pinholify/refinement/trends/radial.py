@@ -275,6 +275,11 @@ class LensTrend:
         return False
 
     @property
+    def searches(self) -> bool:
+        """No: the radial branch around the centre is the one."""
+        return False
+
+    @property
     def prior_std(self) -> Floats:
         """Weak everywhere."""
         general = [MATRIX_STD, *[ANISOTROPY_STD] * 2, *[CENTRE_STD] * 2, *[OFFSET_STD] * 2, LOG_RATIO_STD, TANGENT_STD]
@@ -297,7 +302,7 @@ class LensTrend:
         return beta
 
     def image(self, beta: Floats, c: Floats, near: Floats) -> Floats:
-        """w; ``near`` is not needed, the radial branch around the centre is the one."""
+        """w; ``near`` is not needed."""
         p = self.parts(beta)
         if self.distorting:
             return p.radial.value((c - p.offset) @ p.matrix) + p.centre
