@@ -43,7 +43,7 @@ ENDS_COST = 100.0  # nats
 WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
 WORTH = 3.0  # nats that the process must bring for its two parameters
 BROKEN = 2.0  # times the noise that a leader promised
-CONTENDERS, WINDOW = 4, 15.0  # how many of the best get a closer look, and how many nats behind the best
+CONTENDERS, WINDOW = 3, 15.0  # how many of the best get a closer look, and how many nats behind the best
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -266,7 +266,7 @@ def _best_at(
 
 def _fitted(setting: Setting, problem: Linearised, start: Hyperparameters) -> Fit:
     return maximise_evidence(
-        problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE, most=15
+        problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE, most=8
     )
 
 
