@@ -60,7 +60,7 @@ def _paragraph(text: str) -> nodes.Element:
 
 
 def _options(command: click.Command, context: click.Context) -> list[nodes.Node]:
-    options = [parameter for parameter in command.get_params(context) if isinstance(parameter, click.Option)]
+    options = [parameter for parameter in command.params if isinstance(parameter, click.Option)]
     listed = nodes.definition_list()
     for names, help_text in filter(None, (option.get_help_record(context) for option in options)):
         term = nodes.term("", "", nodes.literal(text=names))
