@@ -50,7 +50,7 @@ class OpenCVMap:
     def jacobian(self, uv):
         return np.linalg.inv(self._projected(self.value(uv))[1][:, 3:5].reshape(-1, 2, 2) / FOCAL)
 
-    def inverse(self, q, start, reach):
+    def inverse(self, q, nearby):
         return self._projected(q)[0][:, 0]
 
     def _projected(self, q):
@@ -70,7 +70,7 @@ class AngleMap:
     def jacobian(self, uv):
         return np.broadcast_to(np.eye(2) / self.scale, (len(uv), 2, 2))
 
-    def inverse(self, q, start, reach):
+    def inverse(self, q, nearby):
         return q * self.scale + K[:2, 2]
 
 

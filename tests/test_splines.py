@@ -83,7 +83,7 @@ def test_a_map_is_inverted_and_knows_its_std(seed, std):
     where = np.stack(np.meshgrid(np.arange(8.0), np.arange(7.0)), axis=-1)
     ours = SplineMap(SplineSurface(ORIGIN, SPACING, where + bent), std)
     p = inside(40, 3, seed)
-    found = ours.inverse(ours.value(p), p + rng.normal(0, 0.05, p.shape), reach=0.5)
+    found = ours.inverse(ours.value(p), lambda _: (p + rng.normal(0, 0.05, p.shape), 0.5))
     np.testing.assert_allclose(found, p, atol=1e-7)
     # The covariance is of a shift of the pixel by std along each axis.
     back = np.linalg.inv(ours.jacobian(p))

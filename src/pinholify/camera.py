@@ -149,13 +149,17 @@ class VirtualCamera:
 def invert(camera: VirtualCamera, q: Floats) -> Floats:
     """Pixels (n, 2) that ``camera``'s map takes to ``q`` (n, 2); nan where the inverse does not converge.
 
-    Starts from the nearest of a grid of pixels where the map keeps the handedness it has inside the domain's hull. A
-    pixel farther outside the image than the image is large counts as not converged.
+    A pixel farther outside the image than the image is large counts as not converged.
     """
-    grid, at_grid, reach = _start_grid(camera)
-    uv = camera.plane_map.inverse(q, grid[at_grid.query(q)[1]], reach)
+    uv = camera.plane_map.inverse(q, lambda q: _nearby(camera, q))
     far = np.abs(uv / camera.image_size - 0.5).max(axis=1, initial=0.0, keepdims=True) >= 1.5
     return np.asarray(np.where(far, np.nan, uv))
+
+
+def _nearby(camera: VirtualCamera, q: Floats) -> tuple[Floats, float]:
+    """The nearest to ``q`` of a grid of pixels where the map keeps the handedness it has inside the domain's hull."""
+    grid, at_grid, reach = _start_grid(camera)
+    return grid[at_grid.query(q)[1]], reach
 
 
 @lru_cache(maxsize=8)

@@ -14,7 +14,7 @@ from pinholify.arrays import Floats, frozen
 from pinholify.camera import Domain, VirtualCamera
 from pinholify.errors import InputError
 from pinholify.geometry import ConvexRegion
-from pinholify.gp.maps import PlaneMap
+from pinholify.gp.maps import Nearby, PlaneMap
 
 ROUNDING = 1.0  # px by which an image scaled in proportion may miss the exact size
 
@@ -62,10 +62,14 @@ class SensorMode:
         """Covariance of virtual points (n, 2, 2) where the calibrated map tells it itself."""
         return self.plane_map.virtual_covariance(self.calibrated(uv))
 
-    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
-        """uv (n, 2) of ``q``, near ``start`` (n, 2)."""
-        found = self.plane_map.inverse(q, self.calibrated(start), reach * float(self.scale.max()))
-        return self.restored(found)
+    def inverse(self, q: Floats, nearby: Nearby) -> Floats:
+        """uv (n, 2) of ``q``."""
+
+        def nearby_calibrated(q: Floats) -> tuple[Floats, float]:
+            start, reach = nearby(q)
+            return self.calibrated(start), reach * float(self.scale.max())
+
+        return self.restored(self.plane_map.inverse(q, nearby_calibrated))
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """Shifts of q (draws, n, 2)."""

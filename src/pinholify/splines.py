@@ -13,7 +13,7 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from pinholify.arrays import Floats, Ints, frozen
-from pinholify.gp.maps import newton_inverse
+from pinholify.gp.maps import Nearby, newton_inverse
 
 SMOOTHING = 1e-9  # of the mean weight of a control point: felt only where there are no data
 
@@ -152,9 +152,9 @@ class SplineMap:
         """None: K is the other program's, without error of its own."""
         return
 
-    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
+    def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """uv (n, 2) of ``q``, by Newton's method."""
-        return newton_inverse(self, q, start, reach)
+        return newton_inverse(self, q, *nearby(q))
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """Zero (draws, n, 2): the data were another program's formula, without noise."""

@@ -35,7 +35,7 @@ class LensMap:
         jacobian = self.jacobian(uv)
         return (self.std(uv) ** 2)[:, None, None] * (jacobian @ jacobian.transpose(0, 2, 1))
 
-    def inverse(self, q, start, reach):
+    def inverse(self, q, nearby):
         return self.lens.project(angles_to_directions(q))
 
     @staticmethod

@@ -37,7 +37,7 @@ class EquidistantMap:
         std = 0.1 * (1.0 + np.linalg.norm(uv - MIDDLE, axis=1) / 100.0) / SCALE
         return std[:, None, None] ** 2 * np.eye(2)
 
-    def inverse(self, q, start, reach):
+    def inverse(self, q, nearby):
         return q * SCALE + MIDDLE
 
 

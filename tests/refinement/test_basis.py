@@ -38,6 +38,7 @@ def test_combination_and_its_slope() -> None:
     weights, w = rng.normal(size=(len(basis), 2)), rng.uniform(-1, 1, (20, 2)) * HALF
     value, slope = basis.combine(weights, w)
     np.testing.assert_allclose(value, basis.values(w) @ weights, atol=1e-12)
+    np.testing.assert_allclose(basis.combined(weights, w), value, atol=1e-14)
     for axis, h in enumerate(1e-6 * np.eye(2)):
         numeric = (basis.combine(weights, w + h)[0] - basis.combine(weights, w - h)[0]) / 2e-6
         np.testing.assert_allclose(slope[:, :, axis], numeric, rtol=1e-6, atol=1e-6)
@@ -54,6 +55,7 @@ def test_no_basis_is_no_displacement() -> None:
     w = np.ones((3, 2))
     value, slope = no_basis(HALF).combine(np.zeros((0, 2)), w)
     assert not value.any()
+    assert not no_basis(HALF).combined(np.zeros((0, 2)), w).any()
     assert slope.shape == (3, 2, 2)
     assert not slope.any()
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pinholify import pipeline
+from pinholify.arrays import Floats
 from pinholify.board import Checkerboard
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
@@ -62,6 +63,20 @@ def test_the_map_and_its_inverse(name: str, results: dict[str, JointResult]) -> 
     for i, h in enumerate(1e-3 * np.eye(2)):
         numeric = (camera.plane_map.value(uv + h) - camera.plane_map.value(uv - h)) / 2e-3
         np.testing.assert_allclose(camera.plane_map.jacobian(uv)[:, :, i], numeric, rtol=1e-5, atol=1e-8)
+
+
+def test_a_lens_is_inverted_without_a_search_and_a_polynomial_by_one(
+    scenes: dict[str, Scene], results: dict[str, JointResult]
+) -> None:
+    lens = results["wavy"].camera.plane_map
+    uv = grid(results["wavy"])
+    np.testing.assert_allclose(lens.inverse(lens.value(uv), _unasked), uv, atol=1e-6)
+    polynomial = refine(scenes["wavy"].corners, reference="view00", trend="polynomial:3").camera
+    np.testing.assert_allclose(polynomial.project(polynomial.to_rays(uv).directions), uv, atol=1e-6)
+
+
+def _unasked(_: Floats) -> tuple[Floats, float]:
+    raise AssertionError("what is near was asked for")
 
 
 @pytest.mark.parametrize("name", ["pinhole", "wavy"])

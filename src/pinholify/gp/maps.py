@@ -10,6 +10,7 @@ likelihood and variance count what is not known of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -27,6 +28,10 @@ INVERSE_ROUNDING = 1e-2  # px
 NEWTON_STEPS = 20
 NEWTON_TOLERANCE = 1e-13  # of the inputs' extent
 NEWTON_ROUNDING = 1e-7  # an error below this that no longer shrinks is the rounding error of the kernel sum
+
+
+Nearby = Callable[[Floats], tuple[Floats, float]]
+"""q (n, 2) → px (n, 2) near those that are mapped there, and the longest step in px that helps from them on."""
 
 
 class PlaneMap(Protocol):
@@ -52,10 +57,10 @@ class PlaneMap(Protocol):
         """Covariance (n, 2, 2) of virtual points where they share errors with K; None where that of q says it all."""
         ...
 
-    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
-        """The uv (n, 2) that are mapped to ``q`` (n, 2), near ``start`` (n, 2) px; nan where none is found.
+    def inverse(self, q: Floats, nearby: Nearby) -> Floats:
+        """The uv (n, 2) that are mapped to ``q`` (n, 2); nan where none is found.
 
-        ``reach`` is the longest step in px that still helps.
+        A map that searches asks ``nearby`` where to begin.
         """
         ...
 
@@ -146,9 +151,9 @@ class AdditiveMap:
         """None: the map ends in the virtual plane, so K has no part in it."""
         return
 
-    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
+    def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """uv (n, 2) of ``q``, by Newton's method."""
-        return newton_inverse(self, q, start, reach)
+        return newton_inverse(self, q, *nearby(q))
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """Shifts of q (draws, n, 2), to first order."""
@@ -191,9 +196,10 @@ class DisplacementMap:
         """None: the map ends in the virtual plane, so K has no part in it."""
         return
 
-    def inverse(self, q: Floats, start: Floats, reach: float) -> Floats:
+    def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """uv (n, 2) of ``q``: only the trend needs inverting."""
-        w, reached = inverse(self.trend, self.beta, self.outputs.normalise(q), self.inputs.normalise(start))
+        start = self.inputs.normalise(nearby(q)[0])
+        w, reached = inverse(self.trend, self.beta, self.outputs.normalise(q), start)
         uv = self.inputs.restore(self._displaced(w))
         return np.where(reached[:, None], uv, np.nan)
 
