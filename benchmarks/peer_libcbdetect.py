@@ -27,7 +27,7 @@ def detect(path):
         return {"seconds": seconds, "board": []}
     u, v = np.zeros((detector.rows, detector.cols)), np.zeros((detector.rows, detector.cols))
     detector.get_board_corners(u, v)
-    missing = (u < 0.5) & (v < 0.5)  # it says (0, -1) or so
+    missing = ~((u > 0.5) & (v > 0.5) & (u < 1e5) & (v < 1e5))  # it says (0, -1) or so, or what was in memory
     rows = np.stack([u, v], axis=2).tolist()
     board = [[None if gone else uv for uv, gone in zip(*row, strict=True)] for row in zip(rows, missing, strict=True)]
     return {"seconds": seconds, "board": board}
