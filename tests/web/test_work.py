@@ -9,6 +9,7 @@ import time
 import pytest
 
 from pinholify.errors import BoardError
+from pinholify.io.threads import VARIABLES
 from pinholify.web.work import Crew, WorkError
 
 
@@ -70,3 +71,21 @@ def test_work_tells_how_far_it_is_and_ends_in_every_way():
             crew.close()
 
     asyncio.run(whole())
+
+
+def threads(say):
+    return [os.environ.get(variable) for variable in VARIABLES]
+
+
+def test_linear_algebra_takes_one_thread_of_a_process(monkeypatch):
+    for variable in VARIABLES:
+        monkeypatch.delenv(variable, raising=False)
+
+    async def asked():
+        crew = Crew(1)
+        try:
+            return await crew.run(threads)
+        finally:
+            crew.close()
+
+    assert set(asyncio.run(asked())) == {"1"}

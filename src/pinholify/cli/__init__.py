@@ -11,6 +11,7 @@ import click
 
 from pinholify import __version__
 from pinholify.errors import PinholifyError
+from pinholify.io.threads import one_blas_thread
 
 INTERRUPTED = 130  # as shells count a process that Ctrl-C ended
 
@@ -69,9 +70,7 @@ def cli() -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit status: 0 done, 1 refused, 2 wrong usage, 130 interrupted."""
-    # The matrices here are small: threads in BLAS cost more than they bring. Must be set before NumPy loads.
-    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
+    one_blas_thread()
     _accept_any_character()
     try:
         status = cli.main(arguments, prog_name="pinholify", standalone_mode=False)

@@ -14,6 +14,7 @@ from itertools import islice
 from typing import TypeVar
 
 from pinholify.errors import InputError
+from pinholify.io.threads import one_blas_thread
 
 AHEAD = 2
 """Items given out to each process: one it works on, one that waits for it."""
@@ -42,6 +43,7 @@ def interrupts_ignored() -> Iterator[None]:
 
 def be_a_worker() -> None:
     """One thread a process, and Ctrl-C left to the parent, which ends the pool."""
+    one_blas_thread()
     import cv2
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

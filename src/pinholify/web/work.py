@@ -114,9 +114,13 @@ class _Worker:
         return answer
 
     def end(self) -> None:
+        """End the process; its pipe is closed when nobody reads from it any more.
+
+        Closed at once, its number could be that of the next process's pipe before a listener, which was about to read
+        on, does so, and would take that one's answer.
+        """
         self._process.kill()
         self._process.join(5.0)
-        self._pipe.close()
 
 
 def _serve(pipe: Connection) -> None:
