@@ -172,3 +172,37 @@ def test_blur_of_two_pixels_costs_no_ids():
     corners = detect_board(image, BOARD)
     assert len(corners) > 120
     assert errors(corners, truth).max() < 0.3
+
+
+def shown(size, family="tag36h11"):
+    return flat_picture(parse_board(f"aprilgrid:{size}:{family}:0.3"), HOMOGRAPHY)[0]
+
+
+@pytest.mark.parametrize(
+    ("size", "asked", "words"),
+    [
+        ("4x5", "6x6", "4 across and at least 5 down, not as on aprilgrid:6x6"),
+        ("5x6", "6x6", "5 across and at least 6 down"),
+        ("6x6", "4x5", "6 across and at least 6 down"),
+        ("6x6", "6x4", "at least 6x6 tags is larger than aprilgrid:6x4"),
+    ],
+)
+def test_a_grid_of_another_size_is_refused_with_its_size(size, asked, words):
+    reason = detect_board(shown(size), parse_board(f"aprilgrid:{asked}:tag36h11:0.3")).reason
+    assert words in reason
+
+
+def test_another_family_is_named():
+    assert "tags of tag25h9, 5 across and at least 4 down" in detect_board(shown("5x4", "tag25h9"), BOARD).reason
+
+
+@pytest.mark.parametrize("gap", [0.2, 0.28, 0.33, 0.45])
+@pytest.mark.parametrize("name", ["pinhole", "fisheye"])
+def test_a_mistaken_gap_is_refused_with_the_right_one(name, gap):
+    """However the lens bends the board, its tags tell the gap between them."""
+    lens = Resized(LENSES[name], (720, round(720 * LENSES[name].size[1] / LENSES[name].size[0])))
+    image, _ = take(lens, BOARD, board_poses([lens], BOARD, 2, seed=3, margin=0.012, tilt=35)[1])
+    reason = detect_board(image, parse_board(f"aprilgrid:6x6:tag36h11:{gap}")).reason
+    said = float(reason.split("stand ")[1].split()[0])
+    assert said == pytest.approx(0.3, abs=0.011)
+    assert f"say aprilgrid:6x6:tag36h11:{said:.2f}" in reason

@@ -1,0 +1,178 @@
+"""AprilTags in an image, and how they stand to one another: as on the board that was asked for, or on another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from pinholify.arrays import Bools, Floats, Ints
+from pinholify.board import FAMILIES, AprilGrid
+from pinholify.detection.intensity import Grey, stretched
+from pinholify.detection.markers import Markers, read_markers
+from pinholify.detection.placement import LARGER
+
+BORDERS = (2, 1)
+"""Black cells around a tag's code: Kalibr's, then AprilTag's own."""
+
+ENOUGH = 4
+"""Tags that tell which other board they are of."""
+
+ENOUGH_OF_BOARD = 0.3
+"""Of a board's tags, but at least ENOUGH: then no other rendering is tried, the lattice finds the others' corners."""
+
+SMOOTHING = 1.2
+"""Standard deviation (px) of the blur that makes a noisy image's tags legible."""
+
+LARGE = 4_000_000
+"""Pixels from which on an image is read at half size too, and below which at twice its size."""
+
+AGREEING = 0.25
+"""Two tags agree where each predicts the other's centre to this share of their distance."""
+
+NEAR = 2
+"""Tags away, to which tags are asked whether they agree; farther only where none is nearer."""
+
+MOST_ACROSS = 30
+"""Tags across the boards that are thought of where the one asked for is not what is seen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tags:
+    """Tags of one family: ``number`` (n,), and ``uv`` (n, 2, 2, 2) px of their corners.
+
+    ``uv[k, j, i]`` is the corner i to the right and j down. ``border`` is how many black cells surround the code.
+    """
+
+    number: Ints
+    uv: Floats
+    border: int
+
+    def __len__(self) -> int:
+        """Number of tags."""
+        return len(self.number)
+
+    def select(self, keep: Bools) -> Tags:
+        """The tags where ``keep`` (n,) is true."""
+        return Tags(self.number[keep], self.uv[keep], self.border)
+
+    def corners(self, board: AprilGrid) -> tuple[Ints, Floats]:
+        """Lattice indices (4n, 2) of all corners on ``board`` and their places (4n, 2) px."""
+        end = np.array([[[0, 0], [1, 0]], [[0, 1], [1, 1]]])
+        cell = _cells(self, board.across) + np.array([0, board.down - 1])
+        index = 2 * cell[:, None, None] + end
+        return index.reshape(-1, 2), self.uv.reshape(-1, 2)
+
+
+def find_tags(grey: Grey, board: AprilGrid) -> Tags:
+    """All tags of the family of ``board`` in that rendering of ``grey`` in which most agree; none where there are none.
+    """
+    enough = max(ENOUGH, ENOUGH_OF_BOARD * board.across * board.down)
+    best, most = Tags(np.empty(0, dtype=np.int64), np.empty((0, 2, 2, 2)), BORDERS[0]), 0
+    for factor, picture in _pictures(grey):
+        for border in BORDERS:
+            tags = _tags(read_markers(picture, [FAMILIES[board.family]], border=border)[0], border, factor)
+            agreeing = int(agreeing_tags(tags, board).sum())
+            if agreeing > most:
+                best, most = tags, agreeing
+            if most >= enough:
+                return best
+    return best
+
+
+def _pictures(grey: Grey) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """What to read tags in, and how many times as large as the image: as it is, for noise smoothed, at another size."""
+    yield 1.0, stretched(grey)
+    yield 1.0, stretched(cv2.GaussianBlur(grey, (0, 0), SMOOTHING).astype(np.float32))
+    factor = 2.0 if grey.size < LARGE else 0.5
+    how = cv2.INTER_CUBIC if factor > 1 else cv2.INTER_AREA
+    yield factor, stretched(cv2.resize(grey, None, fx=factor, fy=factor, interpolation=how).astype(np.float32))
+
+
+def _tags(markers: Markers, border: int, factor: float) -> Tags:
+    """``markers`` of a picture ``factor`` times as large as the image."""
+    uv = (markers.quads + 0.5) / factor - 0.5
+    # OpenCV goes clockwise from what is its top left and Kalibr's bottom right.
+    return Tags(markers.number, uv[:, [2, 3, 1, 0]].reshape(-1, 2, 2, 2), border)
+
+
+# --- how they stand ---------------------------------------------------------------------------------
+
+
+def agreeing_tags(tags: Tags, board: AprilGrid) -> Bools:
+    """Which tags (n,) belong to the largest group of tags that agree on where the others are on ``board``."""
+    return _agreeing(tags, board.across, 1.0 + board.gap)
+
+
+def other_layout(tags: Tags, board: AprilGrid) -> str:
+    """Why ``tags`` are not those of ``board``, in a sentence that says how they stand; empty where they may be."""
+    own = agreeing_tags(tags, board)
+    if len(tags) >= ENOUGH and 2 * own.sum() <= len(tags):
+        across, down, agreeing = _layout(tags)
+        if agreeing > own.sum() and across == board.across:
+            return f"the gap between the tags is not {board.gap:g} of their side, as {board.spec} says: measure it"
+        if agreeing > own.sum():
+            return f"the tags stand as on a grid {across} across and at least {down} down, not as on {board.spec}"
+    down = int(tags.number[own].max()) // board.across + 1
+    if down > board.down:
+        return f"a grid of at least {board.across}x{down} tags {LARGER} {board.spec}"
+    return ""
+
+
+def other_family(grey: Grey, board: AprilGrid) -> str:
+    """What AprilGrid of another family than that of ``board`` the image ``grey`` shows; empty where it shows none."""
+    others = [family for family in FAMILIES if family != board.family]
+    picture = stretched(grey)
+    for border in BORDERS:
+        seen = read_markers(picture, [FAMILIES[family] for family in others], border=border)
+        for family, markers in zip(others, seen, strict=True):
+            if len(markers) >= ENOUGH:
+                across, down, agreeing = _layout(_tags(markers, border, 1.0))
+                if agreeing >= ENOUGH:
+                    return f"{family}, {across} across and at least {down} down"
+    return ""
+
+
+def _layout(tags: Tags) -> tuple[int, int, int]:
+    """How many tags across and down the AprilGrid has on which most of ``tags`` agree, and how many agree."""
+    offset, frame = _offsets(tags)
+    sides = np.linalg.norm(offset @ np.linalg.inv(frame).transpose(0, 2, 1), axis=2)
+    step = float(np.median(np.min(sides + np.diag(np.full(len(tags), np.inf)), axis=1)))
+    groups = {across: _agreeing(tags, across, step) for across in range(2, MOST_ACROSS + 1)}
+    across = max(groups, key=lambda n: int(groups[n].sum()))
+    down = int(tags.number[groups[across]].max()) // across + 1
+    return across, down, int(groups[across].sum())
+
+
+def _cells(tags: Tags, across: int) -> Ints:
+    """Columns and rows (n, 2) of ``tags`` on a board so many tags ``across``; the lowest row is 0, those above less."""
+    row, column = np.divmod(tags.number, across)
+    return np.stack([column, -row], axis=1)
+
+
+def _offsets(tags: Tags) -> tuple[Floats, Floats]:
+    """From each tag's centre to each other's, (n, n, 2) px, and the tags' sides to the right and down, (n, 2, 2) px."""
+    centre = tags.uv.mean(axis=(1, 2))
+    right = (tags.uv[:, :, 1] - tags.uv[:, :, 0]).mean(axis=1)
+    down = (tags.uv[:, 1] - tags.uv[:, 0]).mean(axis=1)
+    return centre[None] - centre[:, None], np.stack([right, down], axis=2)
+
+
+def _agreeing(tags: Tags, across: int, step: float) -> Bools:
+    """Which tags (n,) belong to the largest group that agrees, on a board so many ``across`` and a ``step`` apart."""
+    if len(tags) < 2:
+        return np.ones(len(tags), dtype=bool)
+    cell = _cells(tags, across)
+    away = cell[None] - cell[:, None]
+    offset, frame = _offsets(tags)
+    miss = np.linalg.norm(step * away @ frame.transpose(0, 2, 1) - offset, axis=2)
+    agree = miss < AGREEING * np.linalg.norm(offset, axis=2)
+    far = np.abs(away).max(axis=2)
+    nearest = np.maximum(NEAR, np.min(far + np.diag(np.full(len(tags), far.max() + 1)), axis=1))
+    near = far <= np.maximum(nearest[:, None], nearest[None])
+    _, group = connected_components(agree & agree.T & near, directed=False)
+    return np.asarray(group == np.bincount(group).argmax())
