@@ -244,6 +244,34 @@ def test_a_bowed_and_stretched_board_is_found() -> None:
     assert covered_error(scene, result) < 2.5 * BOUND["pinhole"]
 
 
+def of_some_part(scene: Scene, names: set[str]) -> CornerSet:
+    """The views of ``names`` without the last two columns, numbered as if the first two were missing."""
+    views = []
+    for view in scene.corners.views:
+        if view.name in names:
+            part = view.select(view.ids % BOARD.columns < BOARD.columns - 2)
+            view = replace(part, ids=part.ids + 2, ambiguous_offset=True)
+        views.append(view)
+    return scene.corners.with_views(views)
+
+
+def test_which_part_of_a_flat_board_is_seen_matters_not(scenes: dict[str, Scene]) -> None:
+    some = {"view04", "view09"}
+    placed = of_some_part(scenes["pinhole"], some)
+    known = placed.with_views(replace(v, ids=v.ids - 2) if v.name in some else v for v in placed.views)
+    one, two = (pipeline.calibrate(corners, reference="view00").camera for corners in (placed, known))
+    np.testing.assert_allclose(one.to_rays(view := scenes["pinhole"].corners.views[3].uv).directions,
+                               two.to_rays(view).directions, atol=1e-7)
+
+
+def test_parts_of_a_bent_board_do_not_count_where_none_knows_which() -> None:
+    scene = make_scene("pinhole", views=20, bow=0.1, seed=2)
+    some = {"view04", "view09", "view12"}
+    calibration = pipeline.calibrate(of_some_part(scene, some), reference="view00")
+    assert set(calibration.details["dropped_boards"]) == some
+    assert calibration.details["board_bow_squares"] == pytest.approx(0.1, rel=0.1)
+
+
 def test_a_flat_board_is_left_flat(results: dict[str, JointResult]) -> None:
     assert results["pinhole"].shape.bow is None
     assert results["pinhole"].shape.stretch is None
