@@ -130,6 +130,18 @@ def test_another_grid_is_refused_with_the_reason(slanted):
     assert detect_board(image, said).found
 
 
+@pytest.mark.parametrize("asked", ["circles:9x9", "circles:5x5:asymmetric", "circles:14x14"])
+def test_the_other_kind_of_grid_is_named(slanted, asked):
+    board, image, _ = slanted
+    asked = parse_board(asked)
+    reason = detect_board(image, asked).reason
+    if asked.asymmetric == board.asymmetric:
+        assert reason
+    else:
+        assert f"stand as on circles:{board.columns}x{board.rows}" in reason
+        assert ("asymmetric" in reason.split(",")[0]) == board.asymmetric
+
+
 def test_noise_darkness_and_blur(slanted):
     board, image, truth = slanted
     noisy = cv2.add(image, np.random.default_rng(1).normal(0, 10, image.shape), dtype=cv2.CV_8U)

@@ -8,7 +8,7 @@ predicts each next disc, and what is there is fitted.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -254,6 +254,8 @@ def _joined(a: Discs, b: Discs) -> Discs:
 
 def _placed(grey: Grey, grown: _Grown, board: CircleGrid, *, name: str, mirrored: bool) -> Corners:
     """The discs of ``grown`` with their ids on ``board``; without discs and with a reason where it is another grid."""
+    if other := _other_kind(grown, board):
+        return not_found(name, f"the circles stand as on {other}, not as on {board.spec}")
     points, whole = _on_sheet(grown.lattice.index, board), np.rint(lattice(board)).astype(np.int64)
     ways = _ways(points, whole, mirrored=mirrored)
     if not ways:
@@ -282,6 +284,20 @@ def _placed(grey: Grey, grown: _Grown, board: CircleGrid, *, name: str, mirrored
     weights = FLOOR / np.hypot(FLOOR, grown.discs.std)
     assumed = ambiguous or not board.orientable
     return Corners(name, ids[order], grown.lattice.uv[order], weights[order], "", assumed, ambiguous)
+
+
+def _other_kind(grown: _Grown, board: CircleGrid) -> str:
+    """The whole grid that ``grown`` is if rows are offset where those of ``board`` are not, or the other way; or ""."""
+    other = replace(board, columns=3, rows=3, asymmetric=not board.asymmetric, diameter=0.5)
+    points = _on_sheet(grown.lattice.index, other)
+    width, height = (np.ptp(points, axis=0) + 1).tolist()
+    for across, rows in ((width, height), (height, width)):
+        columns = across // 2 if other.asymmetric else across
+        if min(columns, rows) >= 3 and columns * rows == len(points):
+            other = replace(other, columns=columns, rows=rows)
+            if _ways(points, np.rint(lattice(other)).astype(np.int64), mirrored=False):
+                return other.spec
+    return ""
 
 
 def _on_sheet(index: Ints, board: CircleGrid) -> Ints:
