@@ -64,6 +64,12 @@ def test_a_plain_board_is_no_charuco_board(board_image):
     assert "too few markers" in detect_board(image, BOARD).reason
 
 
+def test_another_dictionary_is_named():
+    other = parse_board("charuco:9x7:DICT_5X5_100:0.5")
+    reason = detect_board(view(HOMOGRAPHY)[0], other).reason
+    assert "those of DICT_4X4_50 or a larger one" in reason
+
+
 def test_descriptions_are_read_back():
     assert parse_board(SPEC) == Charuco(8, 6, "DICT_4X4_100", 0.5)
     assert parse_board(BOARD.spec) == BOARD

@@ -21,6 +21,7 @@ from pinholify.detection.candidates import find_candidates
 from pinholify.detection.growth import BESIDE, FEWEST, Grower, grower, regular
 from pinholify.detection.intensity import Grey, grey_levels, stretched
 from pinholify.detection.lattice import Lattice
+from pinholify.detection.markers import read_markers
 from pinholify.detection.prediction import predict
 from pinholify.detection.refine import refine_lattice
 from pinholify.geometry import apply_homography
@@ -30,6 +31,9 @@ SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 AGREEING = 0.25
 """How far, as a fraction of a square, from their mean two markers may see the corner between them."""
+
+USUAL = ("DICT_4X4_50", "DICT_5X5_50", "DICT_6X6_50", "DICT_7X7_50", "DICT_ARUCO_ORIGINAL", "DICT_APRILTAG_36h11")
+"""Dictionaries that are thought of where the markers of another one are asked for; larger ones begin with the same."""
 
 BLACK_FIRST = -1
 """The phase of a board whose first square is black."""
@@ -48,7 +52,10 @@ def detect_charuco(image: NDArray[Any], board: Charuco, *, name: str) -> Corners
         grey = np.ascontiguousarray(grey[:, ::-1])
         read = _around_markers(grey, board)
     if read is None:
-        return not_found(name, f"too few markers of a {board.spec} board were found")
+        other = _other_dictionary(grey, board)
+        return not_found(
+            name, f"too few markers of a {board.spec} board were found" + f", but those of {other}" * bool(other)
+        )
     growing = grower(grey, find_candidates(grey), beside=min(BESIDE, (1.0 - board.marker) / 4.0))
     seed = _seed(growing, read)
     if len(seed) < FEWEST:
@@ -60,6 +67,14 @@ def detect_charuco(image: NDArray[Any], board: Charuco, *, name: str) -> Corners
     ids = fitted.ids(board)
     order = np.argsort(ids)
     return Corners(name, ids[order], uv[order], fitted.weights[order])
+
+
+def _other_dictionary(grey: Grey, board: Charuco) -> str:
+    """The dictionary, other than that of ``board``, whose markers the reflection of ``grey`` shows; or nothing."""
+    picture = stretched(np.ascontiguousarray(grey[:, ::-1]))
+    own = board.dictionary.rsplit("_", 1)[0]
+    most = max(read_markers(picture, [name for name in USUAL if not name.startswith(own)]), key=len)
+    return f"{most.dictionary} or a larger one" if len(most) >= FEWEST else ""
 
 
 def _around_markers(grey: Grey, board: Charuco) -> Lattice | None:
@@ -83,14 +98,11 @@ def _around_markers(grey: Grey, board: Charuco) -> Lattice | None:
 
 def _squares(grey: Grey, board: Charuco) -> tuple[Ints, Floats]:
     """Indices (n, 4, 2) of the corners of squares whose markers are read, and about where they are, (n, 4, 2) px."""
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.perspectiveRemovePixelPerCell = 8  # bent edges leave fewer good pixels in a cell
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
-    quads, numbers, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(stretched(grey))
+    markers = read_markers(stretched(grey), [board.dictionary])[0]
     column, row = np.meshgrid(np.arange(board.columns + 1), np.arange(board.rows + 1))
     white = np.stack([column, row], axis=-1)[(column + row) % 2 == 1]
     index, uv = [np.empty((0, 4, 2), dtype=np.int64)], [np.empty((0, 4, 2))]
-    for quad, number in zip(quads, [] if numbers is None else np.ravel(numbers).tolist(), strict=True):
+    for quad, number in zip(markers.quads.astype(np.float32), markers.number.tolist(), strict=True):
         if number < len(white):
             homography = cv2.getPerspectiveTransform((board.marker * SQUARE).astype(np.float32), quad)
             index.append(white[number] - [1, 1] + (SQUARE + 0.5).astype(np.int64)[None])
