@@ -115,7 +115,7 @@ def test_shapes_are_kept(camera, shape):
 
 
 def test_points_of_other_dimensions_are_a_mistake(camera):
-    with pytest.raises(ValueError, match=r"shape \(3, 3\) were given where \(N, 2\) is needed"):
+    with pytest.raises(InputError, match=r"shape \(3, 3\) were given where \(N, 2\), \(N, 1, 2\)"):
         undistort_points(np.eye(3), camera)
 
 
@@ -294,3 +294,23 @@ def test_many_points_of_a_wide_lens_there_and_back():
     back = distort_points(plane, wide)
     np.testing.assert_allclose(back[ahead], uv[ahead], atol=1e-3)
     assert np.isnan(back[~ahead]).all()
+
+
+WRONG = {
+    "a ragged list": (lambda camera: undistort_points([[1, 2], [3]], camera), "not all numbers"),
+    "no camera": (lambda camera: undistort_points(SOME, np.eye(3)), "a ndarray was given where a VirtualCamera"),
+    "a calibration": (lambda camera: distort_points(SOME, object()), "give the .camera of what"),
+    "a rotation vector": (lambda camera: undistort_points(SOME, camera, np.zeros(3)), r"R of shape \(3,\)"),
+    "a small matrix": (lambda camera: undistort_points(SOME, camera, None, np.eye(2)), r"P of shape \(2, 2\)"),
+    "a singular matrix": (lambda camera: distort_points(SOME, camera, None, np.zeros((3, 3))), "P .* no inverse"),
+    "a rotation matrix": (lambda camera: project_points(SPACE, np.eye(3), np.ones(3), camera), r"rvec of shape \(3, 3"),
+    "two numbers": (lambda camera: project_points(SPACE, np.zeros(3), np.ones(2), camera), r"tvec of shape \(2,\)"),
+}
+SOME, SPACE = np.full((3, 2), 0.1), np.ones((3, 3))
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_arguments_are_refused_in_a_sentence(name, camera):
+    call, sentence = WRONG[name]
+    with pytest.raises(InputError, match=sentence):
+        call(camera)

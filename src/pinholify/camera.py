@@ -10,6 +10,7 @@ import numpy as np
 
 from pinholify.arrays import Bools, Floats
 from pinholify.charts import Chart, Intrinsics
+from pinholify.errors import InputError
 from pinholify.geometry import ConvexRegion
 
 if TYPE_CHECKING:  # SciPy takes longer to load than all the rest of mapping pixels to rays
@@ -144,6 +145,16 @@ class VirtualCamera:
         if known.any():
             uv[known] = invert(self, q[known])
         return uv
+
+
+def virtual(camera: object) -> VirtualCamera:
+    """``camera`` itself; raises InputError for what is none, such as the calibration that holds it."""
+    if not isinstance(camera, VirtualCamera):
+        raise InputError(
+            f"a {type(camera).__name__} was given where a VirtualCamera is needed; give the .camera of what "
+            "read_camera or calibrate returned"
+        )
+    return camera
 
 
 def invert(camera: VirtualCamera, q: Floats) -> Floats:

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from pinholify.arrays import Floats
 from pinholify.calibration.observation import sighting_of
 from pinholify.calibration.poses import refine_pose
-from pinholify.camera import VirtualCamera
+from pinholify.camera import VirtualCamera, virtual
 from pinholify.charts import angles_to_directions, directions_to_angles
 from pinholify.errors import InputError
 from pinholify.geometry import Pose, homogeneous
@@ -69,7 +69,7 @@ def undistortion_table(
     camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None, *, tolerance: float = 1e-3
 ) -> PointTable:
     """:func:`undistort_points` for many points: call the table with ``src``; right to ``tolerance`` px of the image."""
-    return _undistortion_table(camera, _rotation(R).tobytes(), _matrix(P).tobytes(), tolerance)
+    return _undistortion_table(virtual(camera), _rotation(R).tobytes(), _matrix(P).tobytes(), tolerance)
 
 
 def distort_points(
@@ -109,7 +109,7 @@ def pixel_rays(
     known = np.isfinite(uv).all(axis=1)
     if known.any():
         tabulated = len(uv) >= MANY and tolerance > 0.0
-        value = _coordinate_table(camera, tolerance) if tabulated else camera.plane_map.value
+        value = _coordinate_table(virtual(camera), tolerance) if tabulated else virtual(camera).plane_map.value
         directions[known] = camera.chart.directions(value(uv[known]))
     return _shaped(directions @ _rotation(R).T, given, 3)
 
@@ -120,7 +120,7 @@ def pixel_rays_jacobian(src: ArrayLike, camera: VirtualCamera, R: ArrayLike | No
     jacobian = np.full((len(uv), 3, 2), np.nan)
     known = np.isfinite(uv).all(axis=1)
     if known.any():
-        q = camera.plane_map.value(uv[known])
+        q = virtual(camera).plane_map.value(uv[known])
         jacobian[known] = camera.chart.direction_jacobian(q) @ camera.plane_map.jacobian(uv[known])
     return np.asarray(_rotation(R) @ jacobian).reshape(*given, 3, 2)
 
@@ -134,8 +134,8 @@ def project_points(
     the numbers of its lens formula, have no counterpart. ``tvec`` is in the unit of the points.
     """
     given, points = _rows(objectPoints, 3)
-    vector, turn = np.ravel(np.asarray(rvec, dtype=np.float64)), _rotation(R)
-    turned, xyz = _posed(points, vector, tvec, turn)
+    vector, turn = _vector(rvec, "rvec"), _rotation(R)
+    turned, xyz = _posed(points, vector, _vector(tvec, "tvec"), turn)
     uv = _project(camera, xyz, 0.0)
     by_point = _projection_jacobian(camera, uv, xyz)
     by_turn = np.cross(turned[:, None, :], by_point) @ turn.T @ _left_jacobian(vector)
@@ -148,8 +148,8 @@ def project_points_jacobian(
 ) -> Floats:
     """∂ :func:`project_points`/∂ ``objectPoints``, exact: (…, 2, 3) px per unit of the points."""
     given, points = _rows(objectPoints, 3)
-    vector, turn = np.ravel(np.asarray(rvec, dtype=np.float64)), _rotation(R)
-    xyz = _posed(points, vector, tvec, turn)[1]
+    vector, turn = _vector(rvec, "rvec"), _rotation(R)
+    xyz = _posed(points, vector, _vector(tvec, "tvec"), turn)[1]
     by_point = _projection_jacobian(camera, _project(camera, xyz, 0.0), xyz)
     return np.asarray(by_point @ turn.T @ Rotation.from_rotvec(vector).as_matrix()).reshape(*given, 2, 3)
 
@@ -169,7 +169,7 @@ def solve_pnp(
     known = np.isfinite(points).all(axis=1) & np.isfinite(uv).all(axis=1)
     if known.sum() < FEWEST_POINTS:
         raise InputError(f"{known.sum()} points were given where a pose needs {FEWEST_POINTS}; give more")
-    seen = sighting_of(camera, points[known], uv[known])
+    seen = sighting_of(virtual(camera), points[known], uv[known])
     start = _first_pose(points[known], camera.chart.directions(seen.coordinates))
     pose, _ = refine_pose(seen, start, camera.chart)
     turn = _rotation(R)
@@ -204,9 +204,15 @@ def _first_pose(points: Floats, directions: Floats) -> Pose:
 
 def _rows(values: ArrayLike, dimensions: int) -> tuple[tuple[int, ...], Floats]:
     """The shape without its last axis, and the points as rows (N, dimensions)."""
-    array = np.asarray(values, dtype=np.float64)
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"the points are not all numbers in rows of {dimensions}; give an array of numbers") from None
     if array.ndim < 1 or array.shape[-1] != dimensions:
-        raise ValueError(f"points of shape {array.shape} were given where (N, {dimensions}) is needed")
+        raise InputError(
+            f"points of shape {array.shape} were given where (N, {dimensions}), (N, 1, {dimensions}) or "
+            f"(1, N, {dimensions}) is needed; look at the last axis"
+        )
     return array.shape[:-1], array.reshape(-1, dimensions)
 
 
@@ -215,11 +221,27 @@ def _shaped(rows: Floats, given: tuple[int, ...], dimensions: int) -> Floats:
 
 
 def _rotation(R: ArrayLike | None) -> Floats:
-    return np.eye(3) if R is None else np.asarray(R, dtype=np.float64)
+    matrix = np.eye(3) if R is None else np.asarray(R, dtype=np.float64)
+    if matrix.shape != (3, 3):
+        raise InputError(f"R of shape {matrix.shape} was given where a matrix (3, 3) is needed; see cv2.Rodrigues")
+    return matrix
 
 
 def _matrix(P: ArrayLike | None) -> Floats:
-    return np.eye(3) if P is None else np.asarray(P, dtype=np.float64)[:, :3]
+    matrix = np.eye(3) if P is None else np.asarray(P, dtype=np.float64)
+    if matrix.shape not in ((3, 3), (3, 4)):
+        raise InputError(f"P of shape {matrix.shape} was given where (3, 3) or (3, 4) is needed; give a camera matrix")
+    if not np.linalg.det(matrix[:, :3]):
+        raise InputError("P is a matrix that has no inverse; give a camera matrix, with focal lengths that are not 0")
+    return matrix[:, :3]
+
+
+def _vector(values: ArrayLike, name: str) -> Floats:
+    """``rvec`` or ``tvec`` as (3,)."""
+    vector = np.asarray(values, dtype=np.float64)
+    if vector.size != 3:
+        raise InputError(f"{name} of shape {vector.shape} was given where (3,), (3, 1) or (1, 3) is needed")
+    return vector.ravel()
 
 
 def _on_plane(rays: Floats, matrix: Floats) -> Floats:
@@ -236,16 +258,16 @@ def _plane_jacobian(rays: Floats, matrix: Floats) -> Floats:
     return np.asarray((matrix[:2] - numerator) / (rays @ matrix[2])[:, None, None])
 
 
-def _posed(points: Floats, vector: Floats, tvec: ArrayLike, turn: Floats) -> tuple[Floats, Floats]:
+def _posed(points: Floats, vector: Floats, shift: Floats, turn: Floats) -> tuple[Floats, Floats]:
     """``points`` (n, 3) turned into the camera's frame, and shifted too."""
     turned = points @ (turn.T @ Rotation.from_rotvec(vector).as_matrix()).T
-    return turned, turned + turn.T @ np.ravel(np.asarray(tvec, dtype=np.float64))
+    return turned, turned + turn.T @ shift
 
 
 def _project(camera: VirtualCamera, xyz: Floats, tolerance: float) -> Floats:
     if len(xyz) >= MANY and tolerance > 0.0:
-        return _pixels_of(camera, xyz, tolerance)
-    return camera.project(xyz) if len(xyz) else np.empty((0, 2))
+        return _pixels_of(virtual(camera), xyz, tolerance)
+    return virtual(camera).project(xyz) if len(xyz) else np.empty((0, 2))
 
 
 def _projection_jacobian(camera: VirtualCamera, uv: Floats, xyz: Floats) -> Floats:

@@ -84,5 +84,6 @@ def command(
     click.echo(f"{theirs.program} {theirs.model}, {width}x{height}: f {intrinsics.f:.2f} px")
     click.echo(f"repeated to {adopted.rms_px:.1g} px rms, {adopted.largest_px:.1g} px at most")
     if adopted.covered < FULL:
-        say(f"note: {1.0 - adopted.covered:.1%} of the image is left out: there the lens model folds or ends")
+        left_out = 1.0 - adopted.covered
+        say(f"note: {left_out:.1%} of the image is left out: there the lens model folds, ends or bends too sharply")
     click.echo(f"wrote {output}")

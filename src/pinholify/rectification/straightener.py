@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from pinholify.camera import VirtualCamera
+from pinholify.camera import VirtualCamera, virtual
 from pinholify.errors import ImageError, InputError
 from pinholify.rectification.maps import Image, Sampler, rectification_map, sampler, splat
 from pinholify.rectification.views import STRAIGHT_ON, Angles, View, named_view
@@ -47,7 +47,7 @@ class Straightener:
         if self.size is not None:
             _check_size(self.size)
         self.view = named_view(
-            self.camera, self.view_name, self.size, self.max_std, turn=self.turn, fov=self.fov, keep=self.keep
+            virtual(self.camera), self.view_name, self.size, self.max_std, turn=self.turn, fov=self.fov, keep=self.keep
         )
         _check_size(self.view.size)
 

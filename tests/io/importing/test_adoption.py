@@ -204,7 +204,7 @@ def test_four_coefficients_need_a_word(imported):
     zeros = OPENCV.replace(", ".join(map(repr, DISTORTION)), "0., 0., 0., 0.")
     assert imported(zeros).calibration.trend == "4 coefficients"  # of no lens: either model is the pinhole
     text = OPENCV.replace(f", {DISTORTION[4]!r} ]", " ]")
-    with pytest.raises(CameraFileError, match="say --fisheye or --no-fisheye"):
+    with pytest.raises(CameraFileError, match="say --no-fisheye or --fisheye"):
         imported(text)
     assert imported(text, fisheye=False).calibration.trend == "4 coefficients"
     assert imported(text, fisheye=True).calibration.trend == "fisheye"
@@ -213,7 +213,7 @@ def test_four_coefficients_need_a_word(imported):
 
 def test_a_size_that_the_file_lacks(imported):
     text = "\n".join(line for line in OPENCV.splitlines() if not line.startswith("image_"))
-    with pytest.raises(CameraFileError, match="does not tell the size of the images, which --image-size WxH does"):
+    with pytest.raises(CameraFileError, match="does not tell the size of the images; say it with --image-size WxH"):
         imported(text)
     assert imported(text, image_size=(320, 240)).calibration.camera.image_size == (320, 240)
     with pytest.raises(CameraFileError, match="of images of 640x480, not of the size that was given"):
@@ -292,6 +292,18 @@ def test_cameras_that_see_nothing_or_wildly_are_refused():
 
     with pytest.raises(CalibrationError, match="sees next to nothing"):
         adopt(foreign(jumps))
+
+
+def test_what_no_spline_repeats_is_left_out():
+    def dented(xyz):
+        with np.errstate(invalid="ignore"):
+            pixels = xyz[:, :2] / np.where(xyz[:, 2:] > 0, xyz[:, 2:], np.nan) * 300.0 + [319.5, 239.5]
+        return pixels + np.where(pixels[:, :1] > 500.0, 0.4 * np.sin(pixels), 0.0)
+
+    adopted = adopt(foreign(dented))
+    assert adopted.largest_px < 0.05
+    assert 0.6 < adopted.covered < 0.8  # 500 of 640 columns
+    assert not adopted.calibration.camera.inside(np.array([[560.0, 240.0]]))[0]
 
 
 @settings(max_examples=120, deadline=None)

@@ -58,7 +58,7 @@ def test_what_a_lens_model_does_not_reach_is_said(run, tmp_path):
     status, _, err = run("import", "fold.yaml", "-o", "a.npz")
     assert status == 0
     assert err.startswith("note: ")
-    assert err.endswith("% of the image is left out: there the lens model folds or ends\n")
+    assert err.endswith("% of the image is left out: there the lens model folds, ends or bends too sharply\n")
 
 
 def test_its_cameras_go_through_every_command(run, tmp_path):

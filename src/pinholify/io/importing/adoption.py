@@ -25,6 +25,9 @@ from pinholify.splines import SplineMap, SplineSurface, fitted
 
 METHOD = "imported"
 TOLERANCE = 1e-3  # px between their camera and ours at which a finer spline is not tried
+WORST = 0.05
+"""px of error beyond which a spline does not repeat their camera: where it folds or ends soon."""
+
 CELLS = (16, 32, 64, 128)
 """Cells of the spline along the longer side of the image, as many as are needed."""
 
@@ -63,10 +66,11 @@ def adopt(theirs: ForeignCamera, *, board: Board | None = None, square_mm: float
     """
     lens = _lens(theirs)
     for cells in CELLS:
-        surface, hull, covered = _fit(lens, theirs.image_size, cells)
-        errors = _errors(lens, surface, hull, theirs.image_size, cells)
+        surface, hull = _fit(lens, theirs.image_size, cells)
+        hull, errors = _repeated(lens, surface, hull, theirs.image_size, cells)
         if errors.max() < TOLERANCE:
             break
+    covered = hull.area / float(np.prod(theirs.image_size))
     rms, largest = float(np.sqrt((errors**2).mean())), float(errors.max())
     camera = _camera(theirs, surface, hull, rms / np.sqrt(2.0), lens.sign)
     details: dict[str, object] = {
@@ -195,25 +199,38 @@ def _blind(theirs: ForeignCamera) -> CalibrationError:
 # --- the spline --------------------------------------------------------------------------------------------------
 
 
-def _fit(lens: Lens, image_size: tuple[int, int], cells: int) -> tuple[SplineSurface, ConvexRegion, float]:
-    """The spline of ``cells`` along the longer side, where it holds, and the share of the image that is."""
+def _fit(lens: Lens, image_size: tuple[int, int], cells: int) -> tuple[SplineSurface, ConvexRegion]:
+    """The spline of ``cells`` along the longer side, and where their lens says something."""
     uv = _pixels(image_size, SAMPLES * cells + 1)
     q = lens.inverse(uv)
     known = np.isfinite(q).all(axis=1)
-    hull = _inscribed(uv[known], uv[~known])
-    covered = hull.area / float(np.prod(image_size))
-    if covered < LEAST_COVERED:
-        raise _blind(lens.camera)
-    return fitted(_empty(image_size, cells), uv[known], q[known]), hull, covered
+    hull = _believed(lens, uv[known], uv[~known])
+    return fitted(_empty(image_size, cells), uv[known], q[known]), hull
 
 
-def _errors(
+def _repeated(
     lens: Lens, surface: SplineSurface, hull: ConvexRegion, image_size: tuple[int, int], cells: int
-) -> Floats:
-    """Distances (n,) px between pixels inside ``hull`` and where their lens puts the spline's rays."""
+) -> tuple[ConvexRegion, Floats]:
+    """The part of ``hull`` where the spline repeats their lens, and the errors there, (n,) px.
+
+    They are the distances between pixels and where their lens puts the spline's rays.
+    """
     uv = _pixels(image_size, 3 * cells)  # between the pixels of the fit, and on the border
     uv = uv[hull.contains(uv)]
-    return np.asarray(np.linalg.norm(lens.value(surface.value(uv)) - uv, axis=1))
+    errors = np.linalg.norm(lens.value(surface.value(uv)) - uv, axis=1)
+    good = errors < WORST
+    if good.all():
+        return hull, errors
+    hull = _believed(lens, uv[good], uv[~good])
+    return hull, errors[hull.contains(uv)]
+
+
+def _believed(lens: Lens, known: Floats, unknown: Floats) -> ConvexRegion:
+    """A convex region of ``known`` pixels (n, 2) without ``unknown`` (m, 2), if it is more than next to nothing."""
+    width, height = lens.camera.image_size
+    if len(known) < 3 or (hull := _inscribed(known, unknown)).area < LEAST_COVERED * width * height:
+        raise _blind(lens.camera)
+    return hull
 
 
 def _pixels(image_size: tuple[int, int], count: int) -> Floats:

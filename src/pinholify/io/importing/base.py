@@ -65,9 +65,9 @@ class Foreign:
             return "opencv"
         raise self.refused("it is no camera of mrcal, OpenCV, Kalibr or ROS")
 
-    def refused(self, why: str) -> CameraFileError:
-        """The error that says ``why`` the file is not read."""
-        return CameraFileError(f"'{self.name}' cannot be imported: {why}; give a calibration file of these programs")
+    def refused(self, why: str, remedy: str = "give a calibration file of these programs") -> CameraFileError:
+        """The error that says ``why`` the file is not read, and the ``remedy``."""
+        return CameraFileError(f"'{self.name}' cannot be imported: {why}; {remedy}")
 
     def numbers(self, value: Any, what: str, *counts: int) -> Floats:
         """``value`` as finite numbers (n,), n one of ``counts`` where any are given; ``what`` names it."""
@@ -93,7 +93,7 @@ class Foreign:
         told = None if value is None else tuple(int(n) for n in self.numbers(value, "image size", 2))
         chosen = told or self.image_size
         if chosen is None:
-            raise self.refused("it does not tell the size of the images, which --image-size WxH does")
+            raise self.refused("it does not tell the size of the images", "say it with --image-size WxH")
         if self.image_size not in (None, chosen):
             raise self.refused(f"it is of images of {chosen[0]}x{chosen[1]}, not of the size that was given")
         if not 1 <= min(chosen) <= max(chosen) <= LARGEST_SIDE:

@@ -61,8 +61,8 @@ def _model(foreign: Foreign, core: Floats, distortion: Floats) -> tuple[str, Pro
         fisheye = bool(foreign.tree["fisheye_model"])
     if fisheye is None and len(distortion) == FISHEYE and np.any(distortion):
         raise foreign.refused(
-            "its 4 coefficients may be those of cv2.calibrateCamera or of cv2.fisheye.calibrate: say --fisheye or "
-            "--no-fisheye"
+            "its 4 coefficients may be those of cv2.calibrateCamera or of cv2.fisheye.calibrate",
+            "say --no-fisheye or --fisheye",
         )
     if fisheye:
         return "fisheye", projections.fisheye(core, foreign.numbers(distortion, "fisheye coefficients", FISHEYE))
