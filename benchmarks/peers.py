@@ -1,13 +1,19 @@
 """The joint refinement, whole processes from corner table to camera, against mrcal, lensboy and OpenCV, in one run.
 
-    python benchmarks/peers.py BENCH_FOLDER [CASE ...]
+    python benchmarks/peers.py BENCH_FOLDER [CASE ...] [--python PYTHON]
+    python benchmarks/peers.py BENCH_FOLDER --real DATA [SET ...] [--python PYTHON]
 
 BENCH_FOLDER holds ``cases.py`` (synthetic corners with true rays), ``peer_mrcal.sh`` and ``peer_python.py``. Peers that
-are not installed are left out and named. Errors are those of the rays, best rotation removed, in px rms inside the hull
-of all corners and over the whole image; times are of whole processes on the wall, ours without scoring itself. The last
-columns are ours ÷ theirs.
+are not installed are left out; PYTHON is an interpreter that has lensboy, OpenCV and SciPy, where this one has not.
+Errors are those of the rays, best rotation removed, in px rms inside the hull of all corners and over the whole image;
+times are of whole processes on the wall, ours without scoring itself. The last columns are ours ÷ theirs.
+
+With ``--real``, DATA holds folders of photographs (``REAL``). Every other complete board calibrates, the others are
+scored: each peer gives rays of their corners, a pose is fitted to those, and the root mean square of what it leaves, in
+px a point, is the held-out error. All have the same corners, ours.
 """
 
+import argparse
 import importlib.util
 import os
 import shutil
@@ -20,10 +26,21 @@ from pathlib import Path
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
+import cv2
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
-FOCAL = {"pinhole": 2000, "barrel": 2000, "pincushion": 2000, "windshield": 850, "fisheye": 560}
-FIELD = {"pinhole": 100, "barrel": 100, "pincushion": 100, "windshield": 120, "fisheye": 170}
+from pinholify import detect_files, parse_board
+from pinholify.board import lattice
+from pinholify.io.images import image_paths
+
+REAL = {"gopro_wide": "8x6", "webcam_mild": "9x6", "charuco": "charuco:9x7:DICT_4X4_100:0.5"}
+FEWEST = 4  # boards that calibrate
+FOCAL = {"pinhole": 2000, "barrel": 2000, "pincushion": 2000, "windshield": 850, "fisheye": 560,
+         "gopro_wide": 560, "webcam_mild": 530, "charuco": 900}
+FIELD = {"pinhole": 100, "barrel": 100, "pincushion": 100, "windshield": 120, "fisheye": 170,
+         "gopro_wide": 150, "webcam_mild": 90, "charuco": 90}
 SPLINE = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=16_Ny=10_fov_x_deg={}"
 
 
@@ -43,17 +60,18 @@ def ours(work, name, board, size, out):
     return [calibrate, [*program, "map", str(camera), "--to", "rays", str(work / f"{name}.pixels.csv"), "-o", str(out)]]
 
 
-def peers(folder, work, name, board, size, out):
+def peers(folder, python, work, name, board, size, out):
     found = {}
     if shutil.which("mrcal-calibrate-cameras"):
         model = SPLINE.format(FIELD[name])
         script = str(folder / "peer_mrcal.sh")
         found["mrcal 16x10"] = [["bash", script, str(work), name, board, size, str(FOCAL[name]), model, str(out)]]
     models = {"OpenCV 8": "opencv8", "OpenCV fisheye": "fisheye"}
-    if importlib.util.find_spec("lensboy"):
-        models["lensboy 16x10"] = "lensboy:16x10"
     for label, model in models.items():
         found[label] = [[sys.executable, str(folder / "peer_python.py"), str(work), name, model, str(out)]]
+    if subprocess.run([python, "-c", "import lensboy"], capture_output=True).returncode == 0:
+        lensboy = [python, str(folder / "peer_python.py"), str(work), name, "lensboy:16x10", str(out)]
+        found["lensboy 16x10"] = [lensboy]
     return found
 
 
@@ -68,42 +86,121 @@ def run(commands):
     return time.perf_counter() - start
 
 
-def score(cases, work, name, out):
+def true_errors(cases, work, name, out):
+    """RMS error inside the hull and over the image, px."""
     errors = cases.score_file(work / f"{name}.npz", out)
     return [float(np.sqrt(np.mean(errors[key] ** 2))) for key in ("covered", "image")]
 
 
-def compare(folder, cases, work, name):
-    case = cases.CASES[name]
-    board, size = (f"{a}x{b}" for a, b in (case.board, case.lens.size))
+def compare(folder, python, work, name, board, size, score):
+    """Ours and every peer's ``score`` of the rays they write, and the time, as ratios."""
     out = work / f"{name}.rays.csv"
     seconds = run(ours(work, name, board, size, out))
-    covered, image = score(cases, work, name, out)
-    print(f"{name:11s} pinholify       {covered:8.3f} / {image:8.3f} px  {seconds:6.1f} s", flush=True)
-    for label, commands in peers(folder, work, name, board, size, out).items():
+    own = score(out)
+    print(f"{name:11s} pinholify       {listed(own)} px  {seconds:6.1f} s", flush=True)
+    for label, commands in peers(folder, python, work, name, board, size, out).items():
         peer_seconds = run(commands)
         if peer_seconds is None:
             print(f"{'':11s} {label:15s} failed", flush=True)
             continue
-        theirs = score(cases, work, name, out)
-        ratios = [covered / theirs[0], image / theirs[1], seconds / peer_seconds]
+        theirs = score(out)
+        ratios = listed([a / b for a, b in zip(own, theirs, strict=True)])
         print(
-            f"{'':11s} {label:15s} {theirs[0]:8.3f} / {theirs[1]:8.3f} px  {peer_seconds:6.1f} s   ours / theirs: "
-            f"{ratios[0]:.3f} / {ratios[1]:.3f}, time {ratios[2]:.2f}",
+            f"{'':11s} {label:15s} {listed(theirs)} px  {peer_seconds:6.1f} s   ours / theirs: {ratios}, "
+            f"time {seconds / peer_seconds:.2f}",
             flush=True,
         )
 
 
-def main():
-    if len(sys.argv) < 2 or not (Path(sys.argv[1]) / "cases.py").exists():
-        sys.exit(__doc__)
-    folder = Path(sys.argv[1]).resolve()
+def listed(values):
+    return " / ".join(f"{value:8.3f}" for value in values)
+
+
+def complete_boards(folder, spec):
+    """The whole boards in the photographs of ``folder``: their corners (boards, n, 2), and the set they are of."""
+    corner_set = detect_files(image_paths([folder]), parse_board(spec))
+    count = len(lattice(corner_set.board))
+    whole = [view.uv[np.argsort(view.ids)] for view in corner_set.found if len(view) == count]
+    return np.array(whole), corner_set
+
+
+def write_set(work, name, training, testing, corner_set):
+    """What ``cases.py`` writes of a synthetic case; the pixels are the corners of ``testing`` and their neighbours."""
+    board = corner_set.board
+    near = testing.reshape(-1, 2) + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])[:, None]
+    pixels = near.reshape(-1, 2)
+    np.savez(work / f"{name}.npz", noisy=training, board=(board.columns, board.rows), size=corner_set.image_size,
+             px=pixels)
+    np.savetxt(work / f"{name}.pixels.csv", pixels, delimiter=",", fmt="%.6f", header="x,y", comments="")
+    lines = [f"frame{i:03d}.png {x:.6f} {y:.6f} 0" for i, view in enumerate(training) for x, y in view]
+    (work / f"{name}.vnl").write_text("\n".join(["# filename x y level", *lines, ""]))
+
+
+def heldout_error(board, count, out):
+    """RMS in px a point of what poses leave of ``count`` boards' corners, by the rays of these in the file ``out``."""
+    rays = np.genfromtxt(out, delimiter=",", skip_header=1)[:, :3].reshape(3, count, -1, 3)
+    rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    points = np.column_stack([lattice(board), np.zeros(rays.shape[2])])
+    residuals = [board_residual(points, *rays[:, k]) for k in range(count)]
+    return [float(np.sqrt(2.0 * np.mean(np.square(residuals))))]
+
+
+def board_residual(points, ray, right, below):
+    """Residuals (2n,) px of the best pose; ``right`` and ``below`` are the rays one px from each ``ray`` (n, 3)."""
+    steps = np.stack([r / (r * ray).sum(axis=1, keepdims=True) - ray for r in (right, below)], axis=2)
+    to_px = np.linalg.pinv(steps)
+    axis = ray.mean(axis=0) / np.linalg.norm(ray.mean(axis=0))
+    turn = Rotation.align_vectors([[0.0, 0.0, 1.0]], [axis])[0].as_matrix()
+    seen = ray @ turn.T
+    _, vector, shift = cv2.solvePnP(points, seen[:, :2] / seen[:, 2:], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    start = np.append(Rotation.from_matrix(turn.T @ cv2.Rodrigues(vector)[0]).as_rotvec(), turn.T @ shift[:, 0])
+
+    def residual(pose):
+        camera = Rotation.from_rotvec(pose[:3]).apply(points) + pose[3:]
+        away = camera / (camera * ray).sum(axis=1, keepdims=True) - ray
+        return (to_px @ away[:, :, None]).ravel()
+
+    return least_squares(residual, start, x_scale="jac").fun
+
+
+def synthetic(folder, python, work, names):
     cases = load_cases(folder)
-    names = sys.argv[2:] or list(cases.CASES)
+    cases.make(work, names or list(cases.CASES))
+    for name in names or cases.CASES:
+        case = cases.CASES[name]
+        board, size = (f"{a}x{b}" for a, b in (case.board, case.lens.size))
+        compare(folder, python, work, name, board, size, lambda out, name=name: true_errors(cases, work, name, out))
+
+
+def real(folder, python, work, data, names):
+    for name in names or REAL:
+        boards, corner_set = complete_boards(data / name, REAL[name])
+        training, testing = boards[::2], boards[1::2]
+        print(f"{name}: {len(training)} complete boards calibrate, {len(testing)} are scored", flush=True)
+        if len(training) < FEWEST:
+            print(f"{'':11s} too few: {FEWEST} are needed")
+            continue
+        write_set(work, name, training, testing, corner_set)
+        board, (width, height), count = corner_set.board, corner_set.image_size, len(testing)
+        compare(folder, python, work, name, f"{board.columns}x{board.rows}", f"{width}x{height}",
+                lambda out, board=board, count=count: heldout_error(board, count, out))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("case", nargs="*")
+    parser.add_argument("--real", type=Path, metavar="DATA")
+    parser.add_argument("--python", default=sys.executable)
+    options = parser.parse_args()
+    folder = options.folder.resolve()
+    if not (folder / "cases.py").exists():
+        parser.error(f"{folder} holds no cases.py")
     with tempfile.TemporaryDirectory() as work:
-        cases.make(Path(work), names)
-        for name in names:
-            compare(folder, cases, Path(work), name)
+        if options.real:
+            real(folder, options.python, Path(work), options.real, options.case)
+        else:
+            synthetic(folder, options.python, Path(work), options.case)
 
 
 if __name__ == "__main__":

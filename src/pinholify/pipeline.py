@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -21,8 +20,6 @@ METHODS = ("auto", "joint", "one-image")
 FEWEST_FOR_JOINT = 4
 MOST_FOR_JOINT = 12_000  # corners of all boards; denser ones are condensed, not to take minutes
 SPARSE = 400  # corners of a board that are never too many: condensed, little would be left of each
-
-UNPLACED = "the board is not flat, and which part of it is seen cannot be told"
 
 CENTRINGS = 2  # the first camera, from centroids, errs by a little of what it corrects
 
@@ -89,9 +86,8 @@ def _calibrate(
         )
     name = reference_view(corner_set, reference).name
     fewer = condensed(corner_set, max(MOST_FOR_JOINT, SPARSE * len(corner_set.found)))
-    solve = partial(refine, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=progress)
     try:
-        result = _placed_alone(solve, fewer, name)
+        result = refine(fewer, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=progress)
     except np.linalg.LinAlgError:
         calibrate_one_image(corner_set, reference=name, mirrored=mirrored)  # says it where boards all stand alike
         raise CalibrationError(
@@ -100,20 +96,6 @@ def _calibrate(
         ) from None
     check_determined(result.camera, fewer, name)
     return _calibration(result, corner_set, name, square_mm)
-
-
-def _placed_alone(solve: Callable[[CornerSet], JointResult], corner_set: CornerSet, reference: str) -> JointResult:
-    """The joint solve; where it finds a board that is not flat, again without the views that may be of another part.
-
-    On a flat board a shift by whole squares is the pose's; on a bent one the heights would stand in the wrong place.
-    """
-    result = solve(corner_set)
-    unplaced = {v.name: UNPLACED for v in corner_set.found if v.ambiguous_offset and v.name != reference}
-    placed = corner_set.with_views(v for v in corner_set.views if v.name not in unplaced)
-    if result.shape.bow is None or not unplaced or len(placed.found) < FEWEST_FOR_JOINT:
-        return result
-    again = solve(placed)
-    return replace(again, dropped={**again.dropped, **unplaced})
 
 
 def _calibration(result: JointResult, corner_set: CornerSet, reference: str, square_mm: float | None) -> Calibration:
