@@ -6,6 +6,7 @@ import json
 import zipfile
 from io import BytesIO
 from pathlib import Path
+from urllib.parse import unquote
 
 import cv2
 import httpx
@@ -14,7 +15,7 @@ from clip import true_focal_px
 from running_app import App, add, new_session, opened, outdated, running, settled, until
 
 from pinholify.io.camera_file import read_camera
-from pinholify.io.export import FORMATS
+from pinholify.io.export import FORMATS, format_named
 from pinholify.io.images import decode_image, write_image
 
 
@@ -67,6 +68,9 @@ def test_every_export_can_be_downloaded(client: httpx.Client, calibrated: str, a
     if ".zip" in answer.headers["content-disposition"]:
         assert len(zipfile.ZipFile(BytesIO(answer.content)).namelist()) > 1
     until(client, calibrated, lambda _: app.files() == before)
+    told = json.loads(unquote(answer.headers.get("x-notes", "[]")))
+    lost = format_named(name).lost
+    assert not lost or lost in told
 
 
 @pytest.mark.slow
@@ -76,6 +80,20 @@ def test_the_report_can_be_downloaded(client: httpx.Client, calibrated: str):
     assert "attachment" in answer.headers["content-disposition"]
     assert "<html" in answer.text
     assert settled(client, calibrated)["activity"] is None
+
+
+@pytest.mark.slow
+def test_an_opened_report_has_no_origin_and_loads_nothing(client: httpx.Client, calibrated: str):
+    answer = client.get(f"/api/sessions/{calibrated}/report")
+    assert answer.headers["content-type"].startswith("text/html")
+    policy = answer.headers["content-security-policy"]
+    assert "sandbox allow-scripts;" in policy
+    assert "default-src 'none'" in policy
+    assert "allow-same-origin" not in policy
+    page = client.get("/api/sessions/0123456789abcdef/report", headers={"accept": "text/html"})
+    assert page.status_code == 404
+    assert "there is no such session" in page.text
+    assert page.headers["content-type"].startswith("text/html")
 
 
 @pytest.mark.slow

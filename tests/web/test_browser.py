@@ -115,6 +115,13 @@ def test_from_photographs_to_a_camera(open_page: Open, photographs: list[Path], 
     assert "<html" in download(page, "#download-report", tmp_path).read_text(encoding="utf-8")
     page.select_option("#format", "ros")
     assert "camera_matrix" in download(page, "#download-export", tmp_path).read_text()
+    page.wait_for_selector(".notice:has-text('pinholify undistort')")
+    with page.expect_popup() as waiting:
+        page.click("#open-report")
+    report = waiting.value
+    report.wait_for_selector("main#report")
+    assert report.evaluate("origin") == "null"
+    assert report.locator(".snippet button").count()
 
 
 @pytest.mark.slow
@@ -200,6 +207,18 @@ def test_a_board_can_be_printed(open_page: Open, tmp_path: Path):
     page.wait_for_selector("#print-problem:has-text('does not fit')")
     page.fill("#print-square", "25")
     assert download(page, "#print-download", tmp_path).read_bytes().startswith(b"%PDF")
+
+
+def test_photographs_without_a_board_are_said_and_mended(open_page: Open, tmp_path: Path):
+    page = open_page()
+    grey = io.BytesIO()
+    Image.new("L", (320, 240), 128).save(grey, "PNG")
+    drop(page, [("grey.png", "image/png", grey.getvalue())])
+    page.wait_for_selector(".verdict:has-text('The photograph does not show a whole checkerboard.')")
+    page.click("text=Say which board")
+    page.fill("#new-board", "circles:7x5")
+    page.click("#board-save")
+    page.wait_for_selector(".verdict:has-text('The photograph does not show the board circles:7×5.')")
 
 
 @pytest.mark.slow

@@ -9,14 +9,14 @@ from pathlib import Path
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, JSONResponse
+from fastapi.responses import FileResponse, JSONResponse, Response
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
 from pinholify.errors import PinholifyError
 from pinholify.web.limits import Bounded, Limits, TooMuch
 from pinholify.web.routes import router
-from pinholify.web.security import HEADER, Guard
+from pinholify.web.security import HEADER, Guard, refused
 from pinholify.web.studio import Studio
 from pinholify.web.work import WorkError
 from pinholify.web.workroom import NotThere
@@ -64,11 +64,12 @@ def _page() -> FileResponse:
     return FileResponse(STATIC / "index.html")
 
 
-async def _refused(request: Request, error: Exception) -> JSONResponse:
+async def _refused(request: Request, error: Exception) -> Response:
     status = STATUS.get(type(error), 422)  # type: ignore[arg-type]
     # The page is told in a header: browsers write every other status to the console as an error of the page's.
-    from_page = request.headers.get(HEADER) == PAGE
-    return JSONResponse({"error": str(error)}, 200 if from_page else status, {REFUSED: str(status)})
+    if request.headers.get(HEADER) == PAGE:
+        return JSONResponse({"error": str(error)}, 200, {REFUSED: str(status)})
+    return refused(request, status, str(error))
 
 
 async def _not_understood(_: Request, error: Exception) -> JSONResponse:

@@ -16,6 +16,11 @@ from pinholify.web.workroom import NotThere, Workroom
 
 ENOUGH_FOR_A_LOOK = 6  # boards from which on a first result is made while more photographs arrive
 POLL = 0.05  # seconds
+STEPS = {
+    "first": "A first look with {} photographs is there; finding the camera that suits them best",
+    "camera": "Checking the camera of {} photographs on boards that it has not seen",
+}
+"""What is done once a stage of a calibration is there."""
 
 
 class Calibrator:
@@ -62,14 +67,15 @@ class Calibrator:
         path = camera.with_name("report.html")
         if path.is_file():
             return path
-        photographs = {p.name: self.room.original(session_id, p.id) for p in session.photographs}
-        desk.act("Writing the report")
-        desk.report_job = asyncio.create_task(self.room.crew.run(downloads.report, path, camera, photographs))
-        await asyncio.wait({desk.report_job})
+        if desk.report_job is None or desk.report_job.done():
+            photographs = {p.name: self.room.original(session_id, p.id) for p in session.photographs}
+            desk.act("Writing the report")
+            desk.report_job = asyncio.create_task(self.room.crew.run(downloads.report, path, camera, photographs))
+        await asyncio.wait({job := desk.report_job})
         desk.act(None)
-        if desk.report_job.cancelled():
+        if job.cancelled():
             raise InputError("the report was stopped before it was written")
-        desk.report_job.result()
+        job.result()
         return path
 
     # --- inside ---
@@ -115,6 +121,8 @@ class Calibrator:
     def _heard_of_solve(self, desk: Desk, solve: str, result: Event) -> None:
         session = self.room.session(desk.session_id)
         desk.problem, desk.preview, desk.preview_solve = None, result, solve
+        if (step := STEPS.get(result["stage"])) is not None:
+            desk.act(step.format(len(result["photographs"])))
         if result["stage"] == "evaluated":
             desk.preview, desk.preview_solve = None, None
             self.room.store.put(replace(session, result=result, solve=solve))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 
 from pinholify.board import Board
@@ -21,19 +22,27 @@ from pinholify.report.provenance import provenance_of
 from pinholify.web.work import Say
 
 
-def export(say: Say, folder: Path, camera: Path, format_name: str) -> Path:
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A file to take away, and sentences about what it cannot hold."""
+
+    path: Path
+    notes: tuple[str, ...] = ()
+
+
+def export(say: Say, folder: Path, camera: Path, format_name: str) -> Made:
     """The camera in another program's format, in ``folder``: one file, or an archive where the format has several."""
     form = format_named(format_name)
     path = make_folder(folder) / f"{format_name}{form.suffixes[0]}"
-    export_view(read_camera(camera).camera, format_name, path)
+    notes = tuple(export_view(read_camera(camera).camera, format_name, path))
     files = [file for file in folder.iterdir() if file.is_file()]
     if len(files) == 1:
-        return files[0]
+        return Made(files[0], notes)
     archive = folder / f"{format_name}.zip"
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as pack:
         for file in sorted(files):
             pack.write(file, file.name)
-    return archive
+    return Made(archive, notes)
 
 
 def report(say: Say, path: Path, camera: Path, photographs: dict[str, Path]) -> None:
@@ -44,15 +53,15 @@ def report(say: Say, path: Path, camera: Path, photographs: dict[str, Path]) -> 
     write_report(path, make_report(evaluation, verdict, provenance_of(camera), pictures))
 
 
-def corner_table(say: Say, folder: Path, corners: CornerSet) -> Path:
+def corner_table(say: Say, folder: Path, corners: CornerSet) -> Made:
     """The corners as a table."""
     path = make_folder(folder) / "corners.vnl"
     write_corner_table(path, corners)
-    return path
+    return Made(path)
 
 
-def board_sheet(say: Say, folder: Path, board: Board, square_mm: float, page: str, ending: str) -> Path:
+def board_sheet(say: Say, folder: Path, board: Board, square_mm: float, page: str, ending: str) -> Made:
     """A board to print."""
     path = make_folder(folder) / f"board{ending}"
     write_board(board, path, square_mm=square_mm, page=page)
-    return path
+    return Made(path)

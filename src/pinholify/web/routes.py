@@ -8,6 +8,7 @@ import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import FileResponse, StreamingResponse
@@ -22,6 +23,7 @@ from pinholify.io.board_print import PAGES
 from pinholify.io.export import FORMATS
 from pinholify.web import downloads
 from pinholify.web.desk import Event, photograph_event, result_event, session_event
+from pinholify.web.security import REPORT_POLICY
 from pinholify.web.sessions import new_id
 from pinholify.web.studio import Studio, summary
 from pinholify.web.work import Function
@@ -246,6 +248,13 @@ async def report(studio: TheStudio, session_id: str) -> FileResponse:
     return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
+@router.get("/sessions/{session_id}/report")
+async def open_report(studio: TheStudio, session_id: str) -> FileResponse:
+    """The report as a page to read: a stranger to the app, who may run no more than the script within."""
+    path = await studio.calibrator.report(session_id)
+    return FileResponse(path, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
+
+
 @router.get("/sessions/{session_id}/corners.vnl")
 async def corners(studio: TheStudio, session_id: str) -> FileResponse:
     """The corners of all photographs that count, as a table."""
@@ -276,9 +285,10 @@ async def board(
 async def _made(studio: Studio, folder: Path, make: Function, *arguments: object) -> FileResponse:
     """The file that ``make`` writes into ``folder``, which is removed when the browser has it, or when it fails."""
     try:
-        path: Path = await studio.room.crew.run(make, folder, *arguments)
+        made: downloads.Made = await studio.room.crew.run(make, folder, *arguments)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
     forget = BackgroundTask(shutil.rmtree, folder, ignore_errors=True)
-    return FileResponse(path, media_type="application/octet-stream", filename=path.name, background=forget)
+    notes = {"x-notes": quote(json.dumps(made.notes))} if made.notes else None
+    return FileResponse(made.path, 200, notes, "application/octet-stream", forget, made.path.name)

@@ -24,6 +24,12 @@ PAGE_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; "
     "connect-src 'self'; frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
 )
+REPORT_POLICY = (
+    "sandbox allow-scripts; default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
+    "frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
+)
+"""Of a report in a tab of its own: in a sandbox it has no origin, so its script can ask nothing of the app."""
+
 HEADERS = {
     b"content-security-policy": PAGE_POLICY.encode(),
     b"x-content-type-options": b"nosniff",
@@ -60,7 +66,7 @@ class Guard:
             return
         request = Request(scope)
         refusal = self.refusal(request)
-        answer: ASGIApp = self.app if refusal is None else _refused(request, *refusal)
+        answer: ASGIApp = self.app if refusal is None else refused(request, *refusal)
         await answer(scope, receive, self._with_headers(request, send))
 
     def refusal(self, request: Request) -> tuple[int, str] | None:
@@ -128,7 +134,8 @@ def _from_elsewhere(request: Request) -> bool:
     return site not in {"same-origin", "none"} and not opened
 
 
-def _refused(request: Request, status: int, sentence: str) -> Response:
+def refused(request: Request, status: int, sentence: str) -> Response:
+    """The answer that says why not: a page to somebody who opened the address, JSON to a program."""
     if "text/html" in request.headers.get("accept", ""):
         page = HTMLResponse(REFUSAL_PAGE.format(sentence=sentence), status)
         page.headers["content-security-policy"] = "default-src 'none'; style-src 'unsafe-inline'"

@@ -36,7 +36,7 @@ export async function picture(path) {
   return URL.createObjectURL(await (await send("GET", path)).blob());
 }
 
-/** Have the browser keep what the app makes at `path`; refusals become errors instead of pages. */
+/** Have the browser keep what the app makes at `path`; gives sentences about what that cannot hold. */
 export async function download(path) {
   const answer = await send("GET", path);
   const link = document.createElement("a");
@@ -44,6 +44,7 @@ export async function download(path) {
   link.download = /filename="([^"]+)"/.exec(answer.headers.get("content-disposition"))?.[1] ?? "download";
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+  return JSON.parse(decodeURIComponent(answer.headers.get("x-notes") ?? "[]"));
 }
 
 /** Hear all that happens in a session until the returned source is closed; the first event is all of it. */

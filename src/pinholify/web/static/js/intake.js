@@ -21,8 +21,9 @@ export async function take(files, session) {
   announce(fitting.length === 1 ? `Adding ${fitting[0].name}` : `Adding ${fitting.length} files`);
   for (const file of fitting) {
     const key = `arriving-${(count += 1)}`;
-    if (!isVideo(file)) state.arriving.set(key, { name: file.name, url: URL.createObjectURL(file) });
+    state.arriving.set(key, { name: file.name, url: isVideo(file) ? null : URL.createObjectURL(file) });
     waiting.push({ file, key, session: id });
+    state.expected += 1;
   }
   changed();
   while (running < AT_ONCE && waiting.length) next();
@@ -60,8 +61,9 @@ async function next() {
 
 function arrived(key) {
   const picture = state.arriving.get(key);
-  if (picture) URL.revokeObjectURL(picture.url);
+  if (picture?.url) URL.revokeObjectURL(picture.url);
   state.arriving.delete(key);
+  if (!state.arriving.size) state.expected = 0;
   changed();
 }
 

@@ -59,7 +59,7 @@ function onLoss(forGood) {
 
 function draw() {
   const id = current;
-  const empty = state.photographs.size + state.arriving.size === 0;
+  const empty = state.photographs.size + state.arriving.size === 0 && !state.activity;
   const known = state.session !== null;
   byId("start").hidden = Boolean(id) && (!known || !empty || live.running());
   byId("sessions").hidden = Boolean(id) || byId("session-list").children.length === 0;
@@ -76,13 +76,22 @@ function draw() {
 }
 
 function drawActivity() {
-  const { activity } = state;
+  const activity = state.activity ?? arrivals();
   byId("activity").hidden = !activity;
   if (!activity) return;
   byId("activity-text").textContent = activity.text;
   const progress = byId("activity-progress");
   if (activity.share === null) progress.removeAttribute("value");
   else progress.value = activity.share;
+}
+
+/** How far photographs that were just dropped have been looked at. */
+function arrivals() {
+  const { expected, arriving } = state;
+  if (!arriving.size) return null;
+  if (expected === 1) return { text: `Adding ${[...arriving.values()][0].name}`, share: null };
+  const done = expected - arriving.size;
+  return { text: `Looking for the board: ${done} of ${expected} done`, share: done / expected };
 }
 
 function drawPill() {

@@ -3,7 +3,9 @@
 import { change, download, post } from "./api.js";
 import { announce, byId, el, sentence } from "./dom.js";
 import { coverage } from "./coverage.js";
-import { saying } from "./notices.js";
+import * as live from "./live.js";
+import { notice, saying } from "./notices.js";
+import { openBoard } from "./print.js";
 import { abandoned, changed, onStage, outdated, photographs, stale, state } from "./state.js";
 import { largestError } from "./tiles.js";
 
@@ -24,7 +26,7 @@ export function drawResult() {
   aside.replaceChildren(...[verdict(), focal(), errors(), coverage(), takeAway()].filter(Boolean));
   for (const id of open) byId(id)?.setAttribute("open", "");
   aside.classList.toggle("stale", stale());
-  aside.classList.toggle("unjudged", !state.final || stale());
+  aside.classList.toggle("unjudged", Boolean(state.result?.level) && (!state.final || stale()));
   sayVerdict();
 }
 
@@ -54,10 +56,24 @@ const unscored = () => state.final
 
 function waiting() {
   const found = state.session.usable.length;
+  if (!found && state.photographs.size && !state.activity && !state.arriving.size && !live.running()) return noBoard();
   const text = found >= FEWEST
     ? "Calibrating …"
     : `${found} of at least ${FEWEST} photographs show the board; ten or more make a good camera.`;
   return card("verdict", chip("Waiting"), el("p", {}, text), el("p", { class: "help" }, state.session.advice));
+}
+
+function noBoard() {
+  const { board } = state.session;
+  const shown = board ? `the board ${board.spec.replace("x", "×")}` : "a whole checkerboard";
+  const one = state.photographs.size === 1;
+  return card(
+    "verdict poor",
+    chip("No board"),
+    el("p", {}, `${one ? "The photograph does not show" : `None of the ${state.photographs.size} photographs shows`} ${shown}.`),
+    el("p", {}, "If they show another board, say which; else photograph all of it, sharp and in good light."),
+    el("button", { type: "button", class: "primary", onclick: openBoard }, "Say which board"),
+  );
 }
 
 /** The board that most photographs without corners show, where it is another than the session's. */
@@ -141,7 +157,7 @@ function takeAway() {
   if (!state.result) return null;
   const base = `/sessions/${state.session.id}`;
   const ready = state.final && !outdated();
-  const get = (path) => () => saying(download(path));
+  const get = (path) => () => saying(download(path).then((notes) => notes.forEach((text) => notice(text))));
   const formats = el(
     "select", { id: "format", "aria-label": "Format of another program" },
     ...state.about.formats.map(({ name, title }) => el("option", { value: name }, title)),
@@ -151,12 +167,17 @@ function takeAway() {
     el("h2", {}, "Take it away"),
     el("div", { class: "actions" },
       el("button", { type: "button", class: "primary", id: "download-camera", disabled: !ready, onclick: get(`${base}/camera.npz`) }, "Camera"),
-      el("button", { type: "button", id: "download-report", disabled: !ready, onclick: get(`${base}/report.html`) }, "Report"),
-      el("button", { type: "button", id: "download-corners", onclick: get(`${base}/corners.vnl`) }, "Corners")),
+      el("button", { type: "button", id: "download-corners", disabled: !state.session.usable.length, onclick: get(`${base}/corners.vnl`) }, "Corners")),
+    el("div", { class: "actions" },
+      el("a", {
+        id: "open-report", class: "button", target: "_blank", rel: "noopener",
+        href: ready ? `/api${base}/report` : null, role: "link", "aria-disabled": String(!ready),
+      }, "Open the report"),
+      el("button", { type: "button", id: "download-report", disabled: !ready, onclick: get(`${base}/report.html`) }, "Save the report")),
     el("div", { class: "actions" }, formats,
       el("button", {
         type: "button", id: "download-export", disabled: !ready,
-        onclick: () => saying(download(`${base}/export/${formats.value}`)),
+        onclick: () => get(`${base}/export/${formats.value}`)(),
       }, "Export")),
     el("p", { class: "help" }, "Exports describe straightened pictures: make them with ",
       el("code", {}, "pinholify undistort camera.npz"), "."),

@@ -5,6 +5,7 @@ export const state = {
   session: null,
   photographs: new Map(),
   arriving: new Map(),
+  expected: 0, // how many were to arrive when the first of those under way was chosen
   result: null,
   solve: null,
   final: false,
@@ -35,7 +36,7 @@ export function changed() {
 
 export function forget() {
   Object.assign(state, { session: null, result: null, solve: null, final: false, accepted: false, problem: null });
-  Object.assign(state, { activity: null, selected: null, pending: false });
+  Object.assign(state, { activity: null, selected: null, pending: false, expected: 0 });
   state.photographs.clear();
   state.arriving.clear();
   changed();

@@ -72,7 +72,7 @@ function tile(photograph, board, error, largest, chosen, columns) {
 function errorLine(photograph, board, error, largest) {
   if (!photograph.found) return el("p", { class: "why" }, sentence(whyNot(photograph)));
   if (!photograph.included) return el("p", { class: "why" }, "Left out.");
-  if (board && !board.used) return el("p", { class: "why" }, sentence(board.reason));
+  if (board && !board.used) return el("p", { class: "why" }, `Not scored: ${sentence(board.reason)}`);
   if (error === null) return el("p", { class: "why" }, `${photograph.uv.length} corners`);
   const bar = el("span", { class: "error-bar", "aria-hidden": "true" });
   bar.style.setProperty("--share", String(Math.min(1, error / largest)));
@@ -87,9 +87,9 @@ function arrivingTile(key, picture) {
   const make = () => el(
     "li",
     { class: "tile arriving" },
-    el("div", { class: "picture" }, el("img", { src: picture.url, alt: "" })),
+    el("div", { class: "picture" }, picture.url ? el("img", { src: picture.url, alt: "" }) : null),
     el("div", { class: "tile-foot" }, el("span", { class: "name" }, picture.name)),
-    el("p", { class: "why" }, "Looking for the board …"),
+    el("p", { class: "why" }, picture.url ? "Looking for the board …" : "Sending the video …"),
   );
   return { key, signature: key, make };
 }
