@@ -56,7 +56,8 @@ def video_job(
     if info.size != straightener.camera.image_size:
         raise ImageError(
             f"'{source}' is {info.size[0]}x{info.size[1]} and the camera was calibrated at "
-            f"{straightener.camera.image_size[0]}x{straightener.camera.image_size[1]}: give a video of that size"
+            f"{straightener.camera.image_size[0]}x{straightener.camera.image_size[1]}: give a video of that size, "
+            "or make the camera of this mode with 'pinholify mode'"
         )
     encoding = choose_encoding(info, straightener.view.size, codec=codec, quality=quality)
     _try(source, target, encoding, info)

@@ -22,6 +22,7 @@ COMMANDS = {
     "undistort": "Straighten photographs.",
     "export": "Write an ideal pinhole view as other programs' calibration files.",
     "import": "Make a camera of ours from another program's calibration file.",
+    "mode": "Make the camera of another mode of the sensor: cropped, binned, scaled.",
     "evaluate": "Score a camera on photographs of a board.",
     "report": "Tell how good a camera is, on one page with everything in it.",
     "compare": "How far two cameras differ, in px over the image.",

@@ -57,7 +57,8 @@ class Straightener:
         if (width, height) != self.camera.image_size:
             raise ImageError(
                 f"the image is {width}x{height} and the camera was calibrated at "
-                f"{self.camera.image_size[0]}x{self.camera.image_size[1]}: give an image of that size"
+                f"{self.camera.image_size[0]}x{self.camera.image_size[1]}: give an image of that size, "
+                "or make the camera of this mode with 'pinholify mode'"
             )
         if self.method == "splat":
             return splat(image, self.camera, self.view, max_std=self.max_std)
