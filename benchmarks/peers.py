@@ -9,8 +9,9 @@ Errors are those of the rays, best rotation removed, in px rms inside the hull o
 times are of whole processes on the wall, ours without scoring itself. The last columns are ours ÷ theirs.
 
 With ``--real``, DATA holds folders of photographs (``REAL``). Every other complete board calibrates, the others are
-scored: each peer gives rays of their corners, a pose is fitted to those, and the root mean square of what it leaves, in
-px a point, is the held-out error. All have the same corners, ours.
+scored: each peer gives rays of their corners, a pose for each board and one shape for all of them are fitted, since
+boards are not flat, and the root mean square of what is left, in px a point, is the held-out error. All have the same
+corners, ours.
 """
 
 import argparse
@@ -34,6 +35,7 @@ from scipy.spatial.transform import Rotation
 from pinholify import detect_files, parse_board
 from pinholify.board import lattice
 from pinholify.io.images import image_paths
+from pinholify.refinement.shape import board_shape
 
 REAL = {"gopro_wide": "8x6", "webcam_mild": "9x6", "charuco": "charuco:9x7:DICT_4X4_100:0.5"}
 FEWEST = 4  # boards that calibrate
@@ -137,30 +139,34 @@ def write_set(work, name, training, testing, corner_set):
 
 
 def heldout_error(board, count, out):
-    """RMS in px a point of what poses leave of ``count`` boards' corners, by the rays of these in the file ``out``."""
+    """RMS in px a point of what poses, and one shape of the board, leave of ``count`` boards' corners, by the rays of
+    these in the file ``out``.
+    """
     rays = np.genfromtxt(out, delimiter=",", skip_header=1)[:, :3].reshape(3, count, -1, 3)
-    rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-    points = np.column_stack([lattice(board), np.zeros(rays.shape[2])])
-    residuals = [board_residual(points, *rays[:, k]) for k in range(count)]
-    return [float(np.sqrt(2.0 * np.mean(np.square(residuals))))]
+    ray, right, below = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    to_px = np.linalg.pinv(np.stack([r / (r * ray).sum(axis=-1, keepdims=True) - ray for r in (right, below)], axis=-1))
+    shape, places = board_shape(board), lattice(board) - lattice(board).mean(axis=0)
+    poses = np.array([flat_pose(places, seen) for seen in ray])
+
+    def residual(unknown):
+        eta, pose = np.split(unknown, [len(shape.prior_std)])
+        pose = pose.reshape(-1, 6)
+        camera = shape.points(eta, places) @ Rotation.from_rotvec(pose[:, :3]).as_matrix().transpose(0, 2, 1)
+        camera = camera + pose[:, None, 3:]
+        away = camera / (camera * ray).sum(axis=-1, keepdims=True) - ray
+        return (to_px @ away[..., None]).ravel()
+
+    start = np.concatenate([np.zeros(len(shape.prior_std)), poses.ravel()])
+    return [float(np.sqrt(2.0 * np.mean(least_squares(residual, start, x_scale="jac").fun ** 2)))]
 
 
-def board_residual(points, ray, right, below):
-    """Residuals (2n,) px of the best pose; ``right`` and ``below`` are the rays one px from each ``ray`` (n, 3)."""
-    steps = np.stack([r / (r * ray).sum(axis=1, keepdims=True) - ray for r in (right, below)], axis=2)
-    to_px = np.linalg.pinv(steps)
-    axis = ray.mean(axis=0) / np.linalg.norm(ray.mean(axis=0))
-    turn = Rotation.align_vectors([[0.0, 0.0, 1.0]], [axis])[0].as_matrix()
+def flat_pose(places, ray):
+    """Rotation vector and translation (6,) of a flat board seen by rays (n, 3)."""
+    turn = Rotation.align_vectors([[0.0, 0.0, 1.0]], [ray.mean(axis=0)])[0].as_matrix()
     seen = ray @ turn.T
+    points = np.column_stack([places, np.zeros(len(places))])
     _, vector, shift = cv2.solvePnP(points, seen[:, :2] / seen[:, 2:], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
-    start = np.append(Rotation.from_matrix(turn.T @ cv2.Rodrigues(vector)[0]).as_rotvec(), turn.T @ shift[:, 0])
-
-    def residual(pose):
-        camera = Rotation.from_rotvec(pose[:3]).apply(points) + pose[3:]
-        away = camera / (camera * ray).sum(axis=1, keepdims=True) - ray
-        return (to_px @ away[:, :, None]).ravel()
-
-    return least_squares(residual, start, x_scale="jac").fun
+    return np.append(Rotation.from_matrix(turn.T @ cv2.Rodrigues(vector)[0]).as_rotvec(), turn.T @ shift[:, 0])
 
 
 def synthetic(folder, python, work, names):
@@ -192,7 +198,7 @@ def main():
     parser.add_argument("case", nargs="*")
     parser.add_argument("--real", type=Path, metavar="DATA")
     parser.add_argument("--python", default=sys.executable)
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     folder = options.folder.resolve()
     if not (folder / "cases.py").exists():
         parser.error(f"{folder} holds no cases.py")
