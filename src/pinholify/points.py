@@ -11,7 +11,7 @@ table is made when it is first needed and kept for the next call.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -299,12 +299,13 @@ def _left_jacobian(vector: Floats) -> Floats:
 @lru_cache(maxsize=TABLES)
 def _undistortion_table(camera: VirtualCamera, rotation: bytes, matrix: bytes, tolerance: float) -> PointTable:
     R, P = (np.frombuffer(m).reshape(3, 3) for m in (rotation, matrix))
+
+    def undistorted(uv: Floats, ray_tolerance: float) -> Floats:
+        return _on_plane(pixel_rays(uv, camera, R, tolerance=ray_tolerance), P)
+
+    table = point_table(lambda uv: undistorted(uv, 0.0), camera.image_size, tolerance=tolerance)
     # What cannot be tabulated, towards 90° from the axis, at least has rays that can.
-    return point_table(
-        lambda uv: _on_plane(pixel_rays(uv, camera, R, tolerance=tolerance / 2.0), P),
-        camera.image_size,
-        tolerance=tolerance,
-    )
+    return replace(table, exact=lambda uv: undistorted(uv, tolerance))
 
 
 @lru_cache(maxsize=TABLES)

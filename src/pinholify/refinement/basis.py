@@ -16,7 +16,7 @@ from pinholify.arrays import Floats, Ints, frozen
 from pinholify.refinement.trends.base import inverse_2x2
 
 MARGIN = 0.35  # of the box around the image, in half diagonals: at the box's edge the process is held at zero
-NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-13
+NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-8  # of an error that the same step squares
 REACH = 4.8  # frequencies kept, in inverse length scales: beyond it the SE density is below 1e-5 of its maximum
 
 
