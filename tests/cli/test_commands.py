@@ -264,7 +264,7 @@ def test_undistort_makes_boards_straight(run, camera, photographs):
     path = photographs / "small-00.png"
     result = run("undistort", camera, path, "-o", "out", "--view", "board", "--max-std", "2")
     assert result.status == 0
-    assert result.out == "wrote 1 images into out\n"
+    assert result.out == "wrote 1 image into out\n"
     run("detect", path, "out/small-00.png", "--board", "9x6", "-o", "c.vnl")
     bent, straight = (bow(v) for v in read_corner_table("c.vnl", board=BOARD, image_size=SIZE).views)
     assert bent > 2.0
@@ -326,7 +326,7 @@ def test_undistort_goes_on_where_it_was_stopped(run, camera, photographs):
     assert (again.status, again.out) == (1, "")
     assert "say --resume to do only the rest" in again.err
     result = run("undistort", camera, photographs, "-o", "out", "--resume")
-    assert (result.status, result.out) == (0, "wrote 1 images into out; 6 were there already\n")
+    assert (result.status, result.out) == (0, "wrote 1 image into out; 6 were there already\n")
     assert {path: path.stat().st_mtime_ns for path in made if path != gone} == {
         path: time for path, time in made.items() if path != gone
     }

@@ -66,3 +66,15 @@ def test_the_face_of_a_cube_and_a_picture_all_around(files, tmp_path):
 
 def test_a_width_and_what_to_keep_are_one_too_many(files, tmp_path):
     assert "cannot both be asked for" in straightened(files, tmp_path, "--fov", "60", "--keep", "valid")
+
+
+def test_a_view_of_nothing_is_said(files, tmp_path):
+    def said(*options):
+        given = [str(files / "camera.npz"), str(files / "white.png"), "-o", str(tmp_path / "".join(options)), *options]
+        result = CliRunner().invoke(command, given)
+        assert result.exit_code == 0
+        return result.stderr
+
+    assert "sees nothing of this view" in said("--view", "cube-back")
+    assert "sees nothing of this view" in said("--fov", "40", "--turn", "180")
+    assert said("--view", "cube-front") == said("--fov", "40") == ""

@@ -103,7 +103,8 @@ def say_what_was_written(report: Report, folder: str) -> None:
     """A line about the pictures, none where there are none."""
     before = f"; {len(report.finished)} were there already" if report.finished else ""
     if report.written or report.finished:
-        click.echo(f"wrote {len(report.written)} images into {folder}{before}")
+        count = len(report.written)
+        click.echo(f"wrote {count} image{'' if count == 1 else 's'} into {folder}{before}")
 
 
 def summary_of(failures: Mapping[str, str], total: int) -> str:

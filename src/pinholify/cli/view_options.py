@@ -36,11 +36,12 @@ class ViewChoice:
     max_std: float | None
 
     def straightener(self, camera: Path, **more: Any) -> Straightener:
-        """The straightener to this view of the camera in a file; ``more`` of its options by name."""
+        """The straightener to this view of the camera in a file, said where it shows nothing; ``more`` are options."""
         from pinholify.io.camera_file import read_camera
         from pinholify.rectification.straightener import Straightener
+        from pinholify.rectification.views import shows_nothing
 
-        return Straightener(
+        straightener = Straightener(
             read_camera(camera).camera,
             self.view,
             size=self.size,
@@ -50,6 +51,10 @@ class ViewChoice:
             max_std=self.max_std,
             **more,
         )
+        fitted = self.view not in FACES and self.fov is None
+        if not fitted and shows_nothing(straightener.camera, straightener.view, self.max_std):
+            options.say("note: the camera sees nothing of this view: its pictures are black")
+        return straightener
 
 
 def turn(text: str) -> tuple[float, float, float]:

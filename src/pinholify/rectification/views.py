@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pinholify.arrays import Floats, frozen
+from pinholify.arrays import Bools, Floats, frozen
 from pinholify.camera import VirtualCamera
 from pinholify.errors import CalibrationError, InputError
 from pinholify.expansion import expand
@@ -196,9 +196,7 @@ def fitted_view(
 def _without_black(camera: VirtualCamera, view: View, max_std: float | None) -> View:
     """The largest part of ``view`` of its proportions in which everything is valid, at the same size."""
     width, height = view.size
-    probe = _resized(view, PROBE / max(view.size))
-    uv = expand(lambda pixels: camera.project(probe.directions(pixels)), probe.size, tolerance=0.05)
-    valid = shown(camera, uv.reshape(2, -1).T, max_std).reshape(uv.shape[1:])
+    probe, valid = _probed(camera, view, max_std)
     found = largest_rectangle(valid, width / height)
     if found is None:
         raise CalibrationError("no part of this view is free of black pixels; keep all of it, or choose another view")
@@ -207,6 +205,18 @@ def _without_black(camera: VirtualCamera, view: View, max_std: float | None) -> 
     matrix = np.diag([scale, scale, 1.0]) @ probe.matrix
     matrix[:2, 2] += (np.array([width, height]) - 1) / 2.0 - scale * middle
     return View(matrix, view.rotation, view.size, view.surface)
+
+
+def shows_nothing(camera: VirtualCamera, view: View, max_std: float | None) -> bool:
+    """Whether ``view`` is black all over, as far as a small picture of it tells; ``max_std`` as for `believable`."""
+    return not _probed(camera, view, max_std)[1].any()
+
+
+def _probed(camera: VirtualCamera, view: View, max_std: float | None) -> tuple[View, Bools]:
+    """A small picture of ``view``, and what is valid in it (height, width)."""
+    probe = _resized(view, PROBE / max(view.size))
+    uv = expand(lambda pixels: camera.project(probe.directions(pixels)), probe.size, tolerance=0.05)
+    return probe, shown(camera, uv.reshape(2, -1).T, max_std).reshape(uv.shape[1:])
 
 
 def _resized(view: View, scale: float) -> View:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import resource
+
 import pytest
 
 from pinholify.cli import main
@@ -44,6 +46,21 @@ def test_every_format(run, tmp_path, name):
     assert out == f"wrote {' and '.join(p.name for p in form.files(path))}: {what} for {name}\n"
     assert "% of the view shows nothing that may be believed" in err or not form.of_view
     assert form.lost in err
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_files_that_cannot_be_written_to_their_end_are_not_there(run, tmp_path, name):
+    form = format_named(name)
+    path = tmp_path / f"out{form.suffixes[-1]}"
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200, limits[1]))  # bytes of a file: as good as a disk that is full
+    try:
+        status, _, err = run("--format", name, "-o", path.name)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert status == 1
+    assert err.endswith("cannot be written: File too large; choose another place\n")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_view_of_choice(run, tmp_path):

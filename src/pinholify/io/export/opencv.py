@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pinholify.errors import OutputError
 from pinholify.io.export.base import Format, PinholeExport, beside
 from pinholify.io.files import atomic_path
 
@@ -40,14 +39,13 @@ def files(path: Path) -> tuple[Path, Path]:
 def _write_storage(path: Path, entries: dict[str, object], *, base64: bool = False) -> None:
     import cv2
 
-    mode = cv2.FILE_STORAGE_WRITE | (cv2.FILE_STORAGE_BASE64 if base64 else 0)
+    # In memory first: a storage on a disk that is full says nothing and leaves half a file.
+    mode = cv2.FILE_STORAGE_WRITE_BASE64 if base64 else cv2.FILE_STORAGE_WRITE
+    storage = cv2.FileStorage(path.suffix.lower(), mode | cv2.FILE_STORAGE_MEMORY)
+    for name, value in entries.items():
+        storage.write(name, value)
     with atomic_path(path) as temporary:
-        storage = cv2.FileStorage(str(temporary), mode)
-        if not storage.isOpened():
-            raise OutputError(f"'{path}' cannot be written by OpenCV; choose another place")
-        for name, value in entries.items():
-            storage.write(name, value)
-        storage.release()
+        temporary.write_text(storage.releaseAndGetString(), encoding="utf-8")
 
 
 FORMAT = Format((".yaml", ".yml", ".xml"), write, files=files)
