@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pinholify.evaluation.summary import evaluate
+from pinholify.evaluation.summary import NOT_ASKED, evaluate
 from pinholify.evaluation.verdict import coverage, judge, noise_floor, place
 from pinholify.geometry import Pose
 from pinholify.pipeline import calibrate
@@ -50,6 +50,28 @@ def test_a_board_that_looks_wrong_is_named(barrel_set, barrel_calibration):
     assert [s.name for s in verdict.suspicious] == ["view4.png"]
     assert "view4.png" in verdict.sentence
     assert verdict.level == "fair"
+
+
+def test_errors_finer_than_corners_are_found_say_nothing():
+    corners = corner_set(12, noise=0.002)
+    rng = np.random.default_rng(0)
+    shaken = [
+        dataclasses.replace(v, uv=v.uv + 0.008 * rng.normal(size=v.uv.shape)) if v.name == "view4.png" else v
+        for v in corners.views
+    ]
+    verdict = judged(calibrate(corners, reference="view0.png", method="joint"), corners.with_views(shaken))
+    assert verdict.suspicious == ()
+    assert "look wrong" not in verdict.sentence
+    assert "noise alone" not in verdict.sentence
+
+
+def test_where_no_held_out_error_is_asked_for_the_error_in_sample_counts(barrel_calibration):
+    other = corner_set(squeeze=0.15, noise=2.0, seed=3)
+    evaluation = evaluate(barrel_calibration, other, compare_opencv=False)
+    unasked = dataclasses.replace(evaluation, heldout_px=None, heldout_reason=NOT_ASKED)
+    verdict = judge(unasked, other)
+    assert verdict.level == "poor"
+    assert "its own photographs are off by" in verdict.sentence
 
 
 def test_what_was_not_asked_for_is_not_held_against_a_camera(barrel_set, barrel_calibration):

@@ -36,6 +36,11 @@ from pinholify.evaluation.measures import (
 
 FOLDS = 5
 NOT_ASKED = "not asked for"
+ELSEWHERE = "give photographs whose boards lie where the camera was calibrated"
+UNDETERMINED = (
+    "these boards do not tell the camera's map well enough anywhere; come nearer, so that the board fills more of the "
+    "image, and tilt it in different ways"
+)
 NO_BOARD_LOCATED = "no board shows enough corners where the camera was calibrated"
 
 Recalibrate = Callable[[CornerSet, str], Calibration]
@@ -112,8 +117,8 @@ def evaluate(
     if not observed:
         reasons = sorted({b.reason for b in mapped if b.corners}) or ["no board was found"]
         raise CalibrationError(
-            f"none of the {len(mapped)} images can be scored ({reasons[0]}): give photographs whose boards lie where "
-            "the camera was calibrated"
+            f"none of the {len(mapped)} images can be scored ({reasons[0]}): "
+            + (ELSEWHERE if unseen(calibration, corner_set) else UNDETERMINED)
         )
     lines = pinhole_lines(calibration.camera, list(observed.values()))
     views = [v for v in corner_set.views if v.name in observed]

@@ -26,6 +26,7 @@ POOR_FOCAL = 0.02  # relative standard deviation of f
 ENOUGH_COVERAGE = 0.6
 STRUCTURED = 0.01  # p-value
 WRONG_RATIO = 2.0  # times the residuals of the other boards
+FINEST_PX = 0.03  # a point: corners are found no finer even in faultless pictures, so that less says nothing
 GRID = 64
 
 
@@ -85,7 +86,7 @@ def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
     # A board can only look wrong beside the others: where they all misfit it is the camera that does.
     typical = [np.sqrt((residuals[n][keep] ** 2).mean()) for n, keep in inliers.items() if keep.any()]
     noise = evaluation.calibration.camera.noise_px
-    return Residuals(residuals, inliers, max(float(np.median(typical)), noise) if typical else noise)
+    return Residuals(residuals, inliers, max([float(np.median(typical or 0.0)), noise, FINEST_PX / np.sqrt(2.0)]))
 
 
 def noise_floor(evaluation: Evaluation, corner_set: CornerSet) -> float:
@@ -120,10 +121,11 @@ def _level(
 ) -> tuple[str, list[str]]:
     heldout = evaluation.heldout_px
     unknown = heldout is None and evaluation.heldout_reason != NOT_ASKED
-    wrong = heldout is not None and heldout > max(POOR_PX, POOR_RATIO * floor)
+    error = evaluation.pooled.re_px if heldout is None else heldout
+    wrong = error > max(POOR_PX, POOR_RATIO * floor)
     poor = unknown or wrong or not (_imported(evaluation) or _focal(evaluation) < POOR_FOCAL)
     reasons = []
-    if heldout is not None and heldout > FAIR_RATIO * floor:
+    if error > FAIR_RATIO * max(floor, FINEST_PX):
         reasons.append(f"its corners' noise alone would leave {floor:.2f} px")
     if covered < ENOUGH_COVERAGE:
         reasons.append(f"boards cover only {covered:.0%} of the image")
@@ -136,6 +138,8 @@ def _level(
 
 
 def _held_out(evaluation: Evaluation) -> str:
+    if evaluation.heldout_reason == NOT_ASKED:
+        return f"its own photographs are off by {evaluation.pooled.re_px:.2f} px (a held-out error was not asked for)"
     if evaluation.heldout_px is None:
         return f"no held-out error is known ({evaluation.heldout_reason})"
     return f"photographs it has not seen are off by {evaluation.heldout_px:.2f} px"

@@ -39,7 +39,7 @@ FIRST_LENGTH_SCALE = 0.4
 LED_STEPS = 15  # a trend that is not at its end by then is not the lens's
 GRID = 15
 FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
-ENDS_COST = 100.0  # nats
+ENDS_COST = np.log(1.25)  # nats a coordinate: a trend that ends within the image has to leave a fifth less noise
 WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
 WORTH = 3.0  # nats that the process must bring for its two parameters
 BROKEN = 2.0  # times the noise that a leader promised
@@ -101,7 +101,7 @@ class Candidate:
 
         reach the image's corners has to be far better than one that does.
         """
-        cost = (WORTH if self.on else 0.0) + (ENDS_COST if self.ends_in_image else 0.0)
+        cost = (WORTH if self.on else 0.0) + (ENDS_COST * self.problem.rows if self.ends_in_image else 0.0)
         return self.log_evidence - cost
 
 

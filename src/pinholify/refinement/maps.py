@@ -92,6 +92,7 @@ class JointMap:
     def with_turn_fitted(self, uv: Floats) -> JointMap:
         """The same map with :attr:`turn_root` fitted to its errors at pixels ``uv`` (n, 2)."""
         features = self.features(uv)
+        features = features[np.isfinite(features).all(axis=(1, 2))]  # a trend may end short of a corner
         turns = features[:, :, -POSE:-3].reshape(-1, 3)
         back = np.linalg.pinv(turns) @ features[:, :, :-POSE].reshape(len(turns), -1)
         return replace(self, turn_root=-back @ self.root[:-POSE])
