@@ -166,6 +166,20 @@ def test_photographs_can_be_dropped(open_page: Open, photographs: list[Path]):
     assert "9×6" in page.text_content("#board-pill")
 
 
+def test_files_chosen_before_the_page_is_ready_are_taken(open_page: Open, photographs: list[Path]):
+    page = open_page()
+    page.add_init_script(
+        """const real = fetch;
+        window.fetch = async (...asked) => {
+            if (asked[0].endsWith("/about")) await new Promise((done) => setTimeout(done, 1000));
+            return real(...asked);
+        };"""
+    )
+    page.reload()
+    page.set_input_files("#files", photographs[1:2])
+    count(page, ".tile .overlay", 1)
+
+
 def test_errors_are_sentences_on_the_page(open_page: Open, photographs: list[Path]):
     bomb = io.BytesIO()
     Image.new("1", (20_000, 10_000)).save(bomb, "PNG")

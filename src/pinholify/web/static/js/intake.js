@@ -14,7 +14,7 @@ let count = 0;
 
 /** Take `files`; `session` gives the id of the session they are for. */
 export async function take(files, session) {
-  const fitting = [...files].filter(fits);
+  const fitting = files.filter(fits);
   if (!fitting.length) return;
   const id = await session();
   if (!id) return;
@@ -67,8 +67,8 @@ function arrived(key) {
   changed();
 }
 
-/** Let files be dropped anywhere on the page. */
-export function acceptDrops(session) {
+/** Let files be dropped anywhere on the page; `take` is given them. */
+export function acceptDrops(take) {
   const veil = byId("drop-veil");
   const carriesFiles = (event) => event.dataTransfer?.types.includes("Files");
   addEventListener("dragenter", (event) => { if (carriesFiles(event)) veil.hidden = false; });
@@ -77,6 +77,6 @@ export function acceptDrops(session) {
   addEventListener("drop", (event) => {
     event.preventDefault();
     veil.hidden = true;
-    take(event.dataTransfer.files, session);
+    take(event.dataTransfer.files);
   });
 }

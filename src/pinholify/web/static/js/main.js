@@ -15,6 +15,7 @@ import { drawTiles } from "./tiles.js";
 let current = null; // the id of the open session; empty on the first screen
 let events = null;
 let creating = null;
+const ready = saying(get("/about"));
 
 /** The id of the open session; a new one is made where none is open. */
 async function session() {
@@ -105,20 +106,26 @@ function drawPill() {
 }
 
 function chosen(event) {
-  intake.take([...event.target.files], session);
+  take(event.target.files);
   event.target.value = "";
+}
+
+/** Take in `files`, once the page knows what the app takes: who is quick loses nothing. */
+async function take(files) {
+  const all = [...files];
+  if (await ready) intake.take(all, session);
 }
 
 async function begin() {
   if (location.search) history.replaceState(null, "", location.pathname + location.hash);
-  state.about = await saying(get("/about"));
+  intake.acceptDrops(take);
+  byId("files").addEventListener("change", chosen);
+  byId("more-files").addEventListener("change", chosen);
+  state.about = await ready;
   if (!state.about) return;
   show(draw);
   preparePrint();
   prepareBoard();
-  intake.acceptDrops(session);
-  byId("files").addEventListener("change", chosen);
-  byId("more-files").addEventListener("change", chosen);
   byId("use-camera").addEventListener("click", () => live.start(session));
   byId("more-camera").addEventListener("click", () => live.start(session));
   byId("live-stop").addEventListener("click", () => live.stop());
