@@ -21,7 +21,7 @@ class Commands(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """The sections."""
-        with click.Context(cli, info_name="pinholify") as context:
+        with click.Context(cli, info_name="pinholify", **cli.context_settings) as context:
             return self._sections(cli, context)
 
     def _sections(self, group: click.Group, parent: click.Context) -> list[nodes.Node]:

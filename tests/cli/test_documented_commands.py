@@ -25,15 +25,17 @@ def command_lines(text):
 
 def understand(line):
     """Raises click.UsageError on what the program does not know; nothing is run."""
-    command, context, words = cli, click.Context(cli, info_name="pinholify"), shlex.split(line, comments=True)[1:]
+    words = shlex.split(line, comments=True)[1:]
+    command = cli
+    context = parent = click.Context(cli, info_name="pinholify", **cli.context_settings)
     while isinstance(command, click.Group) and words and not words[0].startswith("-"):
         name = words.pop(0)
         found = command.get_command(context, name)
         if found is None:
             raise click.UsageError(f"there is no command '{name}'")
-        command, context = found, click.Context(found, info_name=name, parent=context)
+        command, parent, context = found, context, click.Context(found, info_name=name, parent=context)
     if not isinstance(command, click.Group):
-        command.make_context(command.name, words)
+        command.make_context(command.name, words, parent=parent)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

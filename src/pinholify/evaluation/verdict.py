@@ -128,7 +128,7 @@ def _level(
     if error > FAIR_RATIO * max(floor, FINEST_PX):
         reasons.append(f"its corners' noise alone would leave {floor:.2f} px")
     if covered < ENOUGH_COVERAGE:
-        reasons.append(f"boards cover only {covered:.0%} of the image")
+        reasons.append(f"boards cover only {100 * covered:.0f} % of the image")
     if suspicious:
         reasons.append(f"boards that look wrong: {', '.join(s.name for s in suspicious[:3])}")
     fair = bool(reasons)
@@ -152,7 +152,7 @@ def _known(evaluation: Evaluation) -> str:
 
 
 def _imported(evaluation: Evaluation) -> bool:
-    return not evaluation.calibration.corner_set.found
+    return not np.isfinite(_focal(evaluation))
 
 
 def _focal(evaluation: Evaluation) -> float:
