@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from pinholify.batch.executors import EXECUTORS
+from pinholify.batch.executors import cluster as dask_executor
 from pinholify.batch.jobs import Job, Outcome
 from pinholify.batch.run import straighten_images
 from pinholify.batch.straightening import Straightening, straightening
@@ -177,3 +178,21 @@ def killing(outcomes: Iterator[Outcome], *, after: int, pid: int) -> Iterator[Ou
         if count == after:
             os.kill(pid, signal.SIGKILL)
         yield outcome
+
+
+def test_an_answer_lost_with_its_worker_is_asked_for_again(monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="needs the extra 'cluster'")
+    monkeypatch.setattr(dask_executor, "PAUSE", 0.0)
+    job = Job("in.png", "out.png")
+    answers = iter([distributed.comm.CommClosedError("its worker died"), Outcome(job, "")])
+
+    class Future:
+        status = "finished"
+
+        def result(self):
+            answer = next(answers)
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+    assert dask_executor._outcome(distributed, Future(), job) == Outcome(job, "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -13,6 +14,8 @@ from pinholify.io.places import absolute
 
 PATIENCE = 10.0
 """s until a scheduler must have answered."""
+ASKED, PAUSE = 10, 0.5
+"""How often a worker's answer is asked for, and s between."""
 
 
 def on_cluster(work: Work, jobs: Sequence[Job], where: str) -> Iterator[Outcome]:
@@ -60,6 +63,16 @@ def _outcome(distributed: Any, future: Any, job: Job) -> Outcome:
     if future.status in ("cancelled", "lost"):
         raise OutputError("the scheduler went away before all was done; the same command with --resume does the rest")
     try:
-        return Outcome(job, future.result().failure)
+        return Outcome(job, _result(distributed, future).failure)
     except distributed.KilledWorker:
         return Outcome(job, f"'{job.source}': worker after worker died of it; perhaps for want of memory")
+
+
+def _result(distributed: Any, future: Any) -> Any:
+    """What ``future`` brought; asked again where a worker died while it answered, for others then do its job."""
+    for _ in range(ASKED):
+        try:
+            return future.result()
+        except distributed.comm.CommClosedError:
+            time.sleep(PAUSE)
+    raise OutputError("the cluster's workers go away as they are asked; the same command with --resume does the rest")
