@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
 from typing import Any
 
 from pinholify.batch.executors.serial import Work, attempt
@@ -14,6 +15,7 @@ from pinholify.io.places import absolute
 
 PATIENCE = 10.0
 """s until a scheduler must have answered."""
+GONE = "the scheduler went away before all was done; the same command with --resume does the rest"
 ASKED, PAUSE = 10, 0.5
 """How often a worker's answer is asked for, and s between."""
 
@@ -60,12 +62,15 @@ def _connected(distributed: Any, address: str) -> Any:
 
 
 def _outcome(distributed: Any, future: Any, job: Job) -> Outcome:
-    if future.status in ("cancelled", "lost"):
-        raise OutputError("the scheduler went away before all was done; the same command with --resume does the rest")
+    # A "lost" result went with its worker, and others make it again; "cancelled" is what a gone scheduler leaves.
+    if future.status == "cancelled":
+        raise OutputError(GONE)
     try:
         return Outcome(job, _result(distributed, future).failure)
     except distributed.KilledWorker:
         return Outcome(job, f"'{job.source}': worker after worker died of it; perhaps for want of memory")
+    except CancelledError:
+        raise OutputError(GONE) from None
 
 
 def _result(distributed: Any, future: Any) -> Any:
