@@ -65,7 +65,7 @@ def cards(report: Report) -> Markup:
 
 def _card(index: int, entry: BoardEntry, size: tuple[int, int], scale: float) -> Markup:
     shown = _overlay(entry, size, scale)
-    photograph = picture(entry.thumbnail, "", lazy=True) if entry.thumbnail is not None else ""
+    photograph = picture(entry.thumbnail, "") if entry.thumbnail is not None else ""
     frame = element(
         "div", photograph, shown, class_="photograph" if photograph else "photograph blank",
         style=f"aspect-ratio:{size[0]}/{size[1]}",

@@ -40,13 +40,11 @@ def joined(content: Iterable[str]) -> Markup:
     return Markup("".join(part if isinstance(part, Markup) else escape(part) for part in content))
 
 
-def picture(image: Picture, alt: str, *, lazy: bool = False) -> Markup:
+def picture(image: Picture, alt: str) -> Markup:
     """The picture itself, as a part of the page."""
     data = base64.b64encode(image.data).decode("ascii")
     source = f"data:{image.media_type};base64,{data}"
-    return element(
-        "img", src=source, alt=alt, width=image.width, height=image.height, loading="lazy" if lazy else None
-    )
+    return element("img", src=source, alt=alt, width=image.width, height=image.height)
 
 
 def drawing(size: tuple[float, float], *content: str, label: str = "", class_: str = "") -> Markup:
