@@ -54,7 +54,6 @@ def opened(browser, address):
 
 def test_all_pictures_are_there_and_no_name_ran(opened, hostile):
     page = opened()
-    page.evaluate("document.querySelectorAll('img').forEach(image => { image.loading = 'eager' })")
     page.wait_for_function("[...document.images].every(image => image.complete)")
     assert page.evaluate("[...document.images].every(image => image.naturalWidth > 0)")
     assert page.locator("img").count() == 10 + 2 * 2
