@@ -12,6 +12,7 @@ from pinholify.calibration.circles import local_centres, needs_centres, true_cen
 from pinholify.calibration.condensing import condensed
 from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_view
 from pinholify.calibration.result import Calibration
+from pinholify.camera import VirtualCamera, virtual
 from pinholify.corners import CornerSet
 from pinholify.errors import CalibrationError, InputError
 from pinholify.refinement import JointResult, refine
@@ -34,6 +35,7 @@ def calibrate(
     kernel: str = "se",
     trend: str = "auto",
     mirrored: bool = False,
+    start: VirtualCamera | None = None,
     square_mm: float | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
@@ -42,7 +44,9 @@ def calibrate(
     ``reference`` names the image whose board fixes the camera's frame (the largest by default). ``method`` is
     ``one-image`` (the paper's: that board alone makes the map), ``joint`` (all boards do), or ``auto``: joint from four
     boards on. ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp` and
-    :mod:`pinholify.refinement`. ``mirrored`` says that the image is a reflection, ``square_mm`` the side of a square.
+    :mod:`pinholify.refinement`. ``mirrored`` says that the image is a reflection, ``start`` is a camera that is
+    roughly the one looked for, with which joint begins: where boards are too strange to begin without, or to be sure of
+    the same answer; one that does not fit is left aside. ``square_mm`` is the side of a square.
     ``progress`` hears a line a stage. A circle grid's discs are centred once a first camera is known, and a second one
     made from their centres, and once more. Raises InputError, CalibrationError or DegenerateError.
     """
@@ -53,6 +57,7 @@ def calibrate(
         kernel=kernel,
         trend=trend,
         mirrored=mirrored,
+        start=None if start is None else virtual(start),
         square_mm=square_mm,
         progress=progress,
     )
@@ -72,6 +77,7 @@ def _calibrate(
     kernel: str,
     trend: str,
     mirrored: bool,
+    start: VirtualCamera | None,
     square_mm: float | None,
     progress: Progress | None,
 ) -> Calibration:
@@ -79,15 +85,22 @@ def _calibrate(
     if method not in METHODS:
         raise InputError(f"'{method}' is no method; the methods are: {', '.join(METHODS)}")
     if method == "auto":
-        method = "joint" if len(corner_set.found) >= FEWEST_FOR_JOINT else "one-image"
+        method = "joint" if start is not None or len(corner_set.found) >= FEWEST_FOR_JOINT else "one-image"
     if method == "one-image":
+        if start is not None:
+            raise InputError(
+                "a start was given to the one-image method, which needs none: its reference board alone makes the "
+                "camera; choose the method 'joint', or give no start"
+            )
         return calibrate_one_image(
             corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
         )
     name = reference_view(corner_set, reference).name
     fewer = condensed(corner_set, max(MOST_FOR_JOINT, SPARSE * len(corner_set.found)))
     try:
-        result = refine(fewer, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, progress=progress)
+        result = refine(
+            fewer, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, start=start, progress=progress
+        )
     except np.linalg.LinAlgError:
         calibrate_one_image(corner_set, reference=name, mirrored=mirrored)  # says it where boards all stand alike
         raise CalibrationError(
@@ -107,6 +120,7 @@ def _calibration(result: JointResult, corner_set: CornerSet, reference: str, squ
         "dropped_corners": result.dropped_corners,
         "board_bow_squares": shape.bow,
         "board_stretch": shape.stretch,
+        "start_used": result.start_used,
         "board_bow_mm": None if shape.bow is None or square_mm is None else shape.bow * square_mm,
     }
     flat_points, middle = lattice(corner_set.board), lattice(corner_set.board).mean(axis=0)

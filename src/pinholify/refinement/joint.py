@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats
 from pinholify.board import lattice
+from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement.candidates import Candidate, Setting, candidates, contest
@@ -34,7 +35,7 @@ from pinholify.refinement.settle import SolveError, best_shape
 from pinholify.refinement.shape import board_shape
 from pinholify.refinement.solver import Solution
 from pinholify.refinement.spectral import density_named
-from pinholify.refinement.start import first_solution
+from pinholify.refinement.start import first_solution, given_lens
 from pinholify.refinement.trends import Search, searches_named
 
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
@@ -54,14 +55,16 @@ def refine(
     mirrored: bool = False,
     kernel: str = "se",
     trend: str = "auto",
+    start: VirtualCamera | None = None,
     progress: Progress | None = None,
 ) -> JointResult:
     """The camera that all boards of ``corner_set`` determine together.
 
     ``reference`` is the name of the view whose board fixes the camera's frame, ``mirrored`` says that the
     image is a reflection (lattices are then left-handed in it), ``kernel`` and ``trend`` are names of the
-    registries. ``progress`` is called with one line a stage. Raises InputError for names that are not known,
-    CalibrationError where the corners do not determine a camera.
+    registries. ``start`` is a camera that is roughly this one. ``progress`` is called with one line a stage. Raises
+    InputError for names that are not known and a start of another size, CalibrationError where the corners do not
+    determine a camera.
     """
     say = progress or (lambda _: None)
     density, scales = density_named(kernel)
@@ -69,6 +72,7 @@ def refine(
     views, unusable = usable_views(corner_set.views, corner_set.board, mirrored)
     _check(reference, views, unusable)
     frame = image_frame(corner_set.image_size, mirrored)
+    given = None if start is None else given_lens(start, frame, corner_set.image_size)
     everything = observations(views, corner_set.board, frame)
     setting = Setting(
         density,
@@ -78,7 +82,7 @@ def refine(
         _covered(everything),
         SHORTEST * _spacing(everything),
     )
-    first = first_solution(setting, everything.thinned())
+    first, led = first_solution(setting, everything.thinned(), given)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
     seen, known = screen(setting, first, everything)
     finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
@@ -92,7 +96,8 @@ def refine(
     settled = cleaned.settled
     say(f"noise {settled.hyperparameters.noise * frame.scale:.4g} px with trend {settled.model.trend.name}")
     evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in finalists)
-    return _result(corner_set, cleaned, everything, frame, reference, kernel, evidences, unusable)
+    result = _result(corner_set, cleaned, everything, frame, reference, kernel, evidences, unusable)
+    return result if given is None else replace(result, start_used=led)
 
 
 def _refined(

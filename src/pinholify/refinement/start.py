@@ -5,23 +5,30 @@ A simple lens has two numbers: the angle at the image's corners, and how the rad
 tan(aθ)/a (pinhole a = 1, stereographic ½, equidistant 0, compressed beyond that). For each, the boards' poses
 come from the directions of their corners by a direct linear transform, which rays beyond 90° do not trouble.
 The lens under which the middle board fits best starts the solve.
+
+A camera that is given, last month's or another program's, is one lens more: it knows what no scan looks for, such as an
+axis outside the image. Whatever it says, it is left for the scan's where it explains the corners worse.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
-from pinholify.charts import angles_to_directions
-from pinholify.errors import CalibrationError
+from pinholify.camera import VirtualCamera
+from pinholify.charts import AngleChart, angles_to_directions
+from pinholify.errors import CalibrationError, InputError
 from pinholify.refinement.candidates import Setting
 from pinholify.refinement.model import Model, State
-from pinholify.refinement.observations import Observations
+from pinholify.refinement.observations import ImageFrame, Observations
+from pinholify.refinement.outliers import with_enough
 from pinholify.refinement.solver import Loss, Solution, minimise
 from pinholify.refinement.trends import Angles, LensTrend
-from pinholify.refinement.trends.fitting import fit_trend
+from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
 CORNER_ANGLES = np.deg2rad([6, 10, 15, 20, 26, 32, 38, 45, 52, 60, 70, 80, 90, 100, 115])
 SHAPES = (1.0, 0.5, 0.0, -0.7)  # the sign is that of a²
@@ -31,6 +38,20 @@ STEPS = 10  # a trend that is not found by then is not the lens's, and is found 
 MISFIT_RATIO = 5.0  # boards that fit this much worse than the middle one wait until the camera is known
 LENSES = 2  # that the scan hands on
 ROBUST = Loss(None, 3.0)
+AS_GOOD = 1.2  # times the noise that the scan's lens leaves, up to which a given camera is believed
+LEVELLING_GRID = 12  # pixels along each side of the image
+
+
+class Lens(Protocol):
+    """What poses are found with."""
+
+    def directions(self, x: Floats) -> Floats:
+        """Unit directions (n, 3) of normalised image points ``x`` (n, 2); nan where it sees nothing."""
+        ...
+
+    def radian(self, x: Floats) -> Floats:
+        """How long in the image a radian is at ``x`` (n, 2): (n,)."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +87,55 @@ class SimpleLens:
         radius = np.linalg.norm(x, axis=1)
         return angles_to_directions(x * (self.angle(radius) / np.maximum(radius, 1e-12))[:, None])
 
+    def radian(self, x: Floats) -> Floats:
+        """How long in the image a radian is at ``x`` (n, 2), away from the middle: (n,)."""
+        return self.slope(np.linalg.norm(x, axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GivenLens:
+    """A ``camera`` in the normalised coordinates of ``frame``, turned by ``turn`` (3, 3) to where trends have their
+
+    axis: its own, or the ray of the image's middle where it knows none.
+    """
+
+    camera: VirtualCamera
+    frame: ImageFrame
+    turn: Floats
+
+    def directions(self, x: Floats) -> Floats:
+        """Unit directions (n, 3), also where the camera had better not be believed."""
+        camera, uv = self.camera, self.frame.restore(x)
+        return np.asarray(camera.chart.directions(camera.plane_map.value(uv)) @ self.turn.T)
+
+    def radian(self, x: Floats) -> Floats:
+        """How long in the image a radian is, the same along all directions: (n,)."""
+        camera, uv = self.camera, self.frame.restore(x)
+        by_chart = camera.chart.direction_jacobian(camera.plane_map.value(uv))
+        by_u, by_v = np.moveaxis(by_chart @ camera.plane_map.jacobian(uv), 2, 0)
+        return np.asarray(np.linalg.norm(np.cross(by_u, by_v), axis=1) ** -0.5 / self.frame.scale)
+
+    def inside(self, x: Floats) -> Bools:
+        """Where (n,) the camera may be believed."""
+        return self.camera.inside(self.frame.restore(x))
+
+
+def given_lens(camera: VirtualCamera, frame: ImageFrame, image_size: tuple[int, int]) -> GivenLens:
+    """``camera`` as a start for images of ``image_size`` (width, height) px; raises InputError where its are others."""
+    if camera.image_size != image_size:
+        (width, height), (given_width, given_height) = image_size, camera.image_size
+        raise InputError(
+            f"the start is a camera of images of {given_width}x{given_height}, and these are {width}x{height}: make "
+            "the camera of this mode with 'pinholify mode', or calibrate without a start"
+        )
+    if isinstance(camera.chart, AngleChart):
+        return GivenLens(camera, frame, camera.chart.rotation.T)
+    sides = [np.linspace(0.0, n - 1.0, LEVELLING_GRID) for n in image_size]
+    uv = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+    uv = np.concatenate([uv[camera.inside(uv)], camera.domain.hull.vertices])
+    level = levelling_rotation(frame.normalise(uv), camera.chart.directions(camera.plane_map.value(uv)))
+    return GivenLens(camera, frame, level)
+
 
 def simple_lenses() -> list[SimpleLens]:
     """All lenses of the scan; a pinhole's corner stands at less than 90°."""
@@ -100,7 +170,7 @@ def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats,
     return u @ vt, columns[:, 2] / lengths * size
 
 
-def board_misfit(lens: SimpleLens, seen: Observations) -> tuple[Floats, Floats, Floats]:
+def board_misfit(lens: Lens, seen: Observations) -> tuple[Floats, Floats, Floats]:
     """RMS misfit (K,) of each board in normalised image units under ``lens``, and the poses; inf where it
     sees nothing.
     """
@@ -110,7 +180,7 @@ def board_misfit(lens: SimpleLens, seen: Observations) -> tuple[Floats, Floats, 
     rotations, translations = poses_of_directions(directions, seen)
     camera = np.einsum("nij,nj->ni", rotations[seen.view][:, :, :2], seen.lattice) + translations[seen.view]
     unit = camera / np.linalg.norm(camera, axis=1, keepdims=True)
-    squares = ((unit - directions) ** 2).sum(axis=1) * lens.slope(np.linalg.norm(seen.image, axis=1)) ** 2
+    squares = ((unit - directions) ** 2).sum(axis=1) * lens.radian(seen.image) ** 2
     misfit = np.sqrt(seen.sums(np.where(blind, np.inf, squares)) / seen.sums(np.ones(len(squares))))
     return misfit, rotations, translations
 
@@ -139,23 +209,45 @@ def scan(seen: Observations, count: int) -> list[SimpleLens]:
     return [lens for _, lens in finite[:count]]
 
 
-def first_solution(setting: Setting, seen: Observations) -> Solution:
-    """All boards under the best of the scan's lenses, refined robustly as a lens with two radial
-    coefficients.
+def first_solution(setting: Setting, seen: Observations, given: GivenLens | None = None) -> tuple[Solution, bool]:
+    """All boards under the best lens, refined robustly as a lens with two radial coefficients; and whether that was
 
-    That trend distorts, so it sees every ray, whatever its parameters. Raises CalibrationError where nothing
-    fits.
+    the one ``given``. The trend distorts, so it sees every ray, whatever its parameters. Raises CalibrationError where
+    nothing fits.
     """
     model = setting.model(LensTrend(Angles(), True, 2, tangent=False))
-    found = [s for lens in scan(seen, LENSES) if (s := _solve_from(model, lens, seen)) is not None]
+    led = None if given is None else _from_given(model, given, seen)
+    try:
+        found = _from_lenses(model, scan(seen, LENSES), seen)
+    except CalibrationError:
+        if led is None:
+            raise
+        return led, True
+    return (led, True) if led is not None and led.noise <= AS_GOOD * found.noise else (found, False)
+
+
+def _from_given(model: Model, given: GivenLens, seen: Observations) -> Solution | None:
+    """None where the camera says too little of the boards."""
+    known = with_enough(seen, given.inside(seen.image))
+    near = _solve_from(model, given, seen.select(known)) if known.any() else None
+    return None if near is None else _of_all_boards(near, seen)
+
+
+def _from_lenses(model: Model, lenses: Iterable[Lens], seen: Observations) -> Solution:
+    found = [s for lens in lenses if (s := _solve_from(model, lens, seen)) is not None]
     if not found:
         raise CalibrationError("no camera explains the corners of most boards: look for a wrong board size")
-    best = min(found, key=lambda solution: solution.noise)
-    everybody = reposed(model, best.state, seen)
-    return minimise(model, everybody, seen, model.trend_precision(), ROBUST, most_steps=STEPS) or best
+    return _of_all_boards(min(found, key=lambda solution: solution.noise), seen)
 
 
-def _solve_from(model: Model, lens: SimpleLens, seen: Observations) -> Solution | None:
+def _of_all_boards(found: Solution, seen: Observations) -> Solution:
+    """``found``, from some of the boards, with the poses of all, refined."""
+    model = found.model
+    everybody = reposed(model, found.state, seen)
+    return minimise(model, everybody, seen, model.trend_precision(), ROBUST, most_steps=STEPS) or found
+
+
+def _solve_from(model: Model, lens: Lens, seen: Observations) -> Solution | None:
     misfit, rotations, translations = board_misfit(lens, seen)
     good = misfit <= MISFIT_RATIO * np.median(misfit)
     some = seen.select(good[seen.view])
