@@ -113,7 +113,8 @@ def solve_trend(
     """
     turn = levelling_rotation(known.prediction.undisplaced, known.prediction.camera) if trend.level else np.eye(3)
     model = setting.model(trend)
-    beta = fit_trend(trend, known.prediction.undisplaced, known.prediction.camera @ turn.T)
+    near = trend.resembling(known.model.trend, known.state.beta)
+    beta = fit_trend(trend, known.prediction.undisplaced, known.prediction.camera @ turn.T, near)
     if beta is None:
         return None
     state = State(
@@ -160,7 +161,10 @@ def solve(setting: Setting, search: Search, known: Solution, seen: Observations)
     solution = solve_trend(setting, search.general, known, seen, most_steps=LED_STEPS)
     if solution is None:
         return None
-    alone = linearise_with(setting, solution, no_basis(setting.half_size), seen)
+    try:
+        alone = linearise_with(setting, solution, no_basis(setting.half_size), seen)
+    except np.linalg.LinAlgError:  # it ran away to where a pose no longer matters
+        return None
     found = _without_process(setting, solution, alone, search.within, solution.noise)
     plain = sorted(filter(None, found), key=lambda candidate: -candidate.score)
     return Solved(search.general, solution, tuple(plain)) if plain else None
