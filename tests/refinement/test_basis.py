@@ -51,6 +51,17 @@ def test_undisplaced_undoes_the_displacement() -> None:
     np.testing.assert_allclose(basis.undisplaced(weights, w + basis.combine(weights, w)[0]), w, atol=1e-12)
 
 
+def test_points_that_are_far_displaced_are_found_beside_one_that_does_not_exist() -> None:
+    basis = sine_basis(HALF, 0.4)
+    rng = np.random.default_rng(3)
+    weights, w = 1e-2 * rng.normal(size=(len(basis), 2)), rng.uniform(-1, 1, (50, 2)) * HALF
+    displaced, slope = basis.combine(weights, w)
+    assert np.abs(slope).max() > 0.3
+    x = w + displaced
+    x[7] = w[7] = np.nan
+    np.testing.assert_allclose(basis.undisplaced(weights, x), w, atol=1e-12)
+
+
 def test_no_basis_is_no_displacement() -> None:
     w = np.ones((3, 2))
     value, slope = no_basis(HALF).combine(np.zeros((0, 2)), w)

@@ -16,7 +16,7 @@ from pinholify.arrays import Floats, Ints, frozen
 from pinholify.refinement.trends.base import inverse_2x2
 
 MARGIN = 0.35  # of the box around the image, in half diagonals: at the box's edge the process is held at zero
-NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-8  # of an error that the same step squares
+NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-7  # of an error that the same step squares
 REACH = 4.8  # frequencies kept, in inverse length scales: beyond it the SE density is below 1e-5 of its maximum
 
 
@@ -42,68 +42,63 @@ class SineBasis:
 
     def values(self, w: Floats) -> Floats:
         """φ at ``w`` (n, 2): (n, M), a function after the other in memory."""
-        (u, v), _ = self._factors(w)
+        (_, u), (_, v) = self._waves(w)
+        u /= np.sqrt(self.half_box.prod())
         values = np.empty((len(self), len(w)))
         for row, (j, k) in zip(values, self.order - 1, strict=True):
-            np.multiply(u[:, j], v[:, k], out=row)
+            np.multiply(u[j], v[k], out=row)
         return values.T
 
     def combined(self, weights: Floats, w: Floats) -> Floats:
         """g alone (n, m), in half the time of :meth:`combine`."""
-        (u, v), _ = self._factors(w)
-        return np.stack([((u @ grid) * v).sum(axis=1) for grid in self._grids(weights)], axis=1)
+        (_, u), (_, v) = self._waves(w)
+        return _paired(self._grids(weights) @ u, v)
 
     def combine(self, weights: Floats, w: Floats) -> tuple[Floats, Floats]:
         """g = Σ φ · ``weights`` (M, m) at ``w`` (n, 2), and ∂g/∂w: (n, m) and (n, m, 2)."""
-        (u, v), (du, dv) = self._factors(w)
-        value, slope = np.empty((len(w), weights.shape[1])), np.empty((len(w), weights.shape[1], 2))
-        for i, grid in enumerate(self._grids(weights)):
-            along = u @ grid
-            value[:, i] = (along * v).sum(axis=1)
-            slope[:, i, 0], slope[:, i, 1] = ((du @ grid) * v).sum(axis=1), (along * dv).sum(axis=1)
-        return value, slope
+        (du, u), (dv, v) = self._waves(w)
+        value, by_u, by_v = (self._grids(weights * f[:, None]) for f in (np.ones(len(self)), *self.frequencies.T))
+        slopes = [_paired(by_u @ du, v), _paired(by_v @ u, dv)]
+        return _paired(value @ u, v), np.stack(slopes, axis=2)
 
     def undisplaced(self, weights: Floats, x: Floats) -> Floats:
         """The w (n, 2) with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
         w = np.array(x)
-        if not len(self):
-            return w
+        active = np.arange(len(w) if len(self) else 0)
         for _ in range(NEWTON_STEPS):
-            g, slope = self.combine(weights, w)
-            error = x - g - w
-            w += (inverse_2x2(np.eye(2) + slope) @ error[:, :, None])[:, :, 0]
-            if np.abs(error).max(initial=0.0) < NEWTON_TOLERANCE:
+            if not len(active):
                 break
+            g, slope = self.combine(weights, w[active])
+            error = x[active] - g - w[active]
+            w[active] += (inverse_2x2(np.eye(2) + slope) @ error[:, :, None])[:, :, 0]
+            active = active[np.abs(error).max(axis=1) >= NEWTON_TOLERANCE]
         return w
 
     def _grids(self, weights: Floats) -> Floats:
-        """``weights`` (M, m) laid out by j and k: (m, J, K)."""
-        grids = np.zeros((weights.shape[1], *self.order.max(axis=0, initial=0)))
-        grids[:, self.order[:, 0] - 1, self.order[:, 1] - 1] = weights.T
+        """``weights`` (M, m) of functions without their common factor, laid out by k and j: (m, K, J)."""
+        grids = np.zeros((weights.shape[1], *self.order.max(axis=0, initial=0)[::-1]))
+        grids[:, self.order[:, 1] - 1, self.order[:, 0] - 1] = weights.T / np.sqrt(self.half_box.prod())
         return grids
 
-    def _factors(self, w: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-        """The sines of both axes, (n, J) and (n, K), and their derivatives."""
-        values, slopes = [], []
-        for axis in (0, 1):
-            count = int(self.order[:, axis].max(initial=0))
-            length = self.half_box[axis]
-            omega = np.pi * np.arange(1, count + 1) / (2.0 * length)
-            angle = np.pi * (w[:, axis] + length) / (2.0 * length)
-            cosines, sines = _multiples(np.cos(angle), np.sin(angle), count)
-            values.append(sines.T / np.sqrt(length))
-            slopes.append((cosines * (omega / np.sqrt(length))[:, None]).T)
-        return (values[0], values[1]), (slopes[0], slopes[1])
+    def _waves(self, w: Floats) -> list[tuple[Floats, Floats]]:
+        """The cosines and the sines of each axis, (J, n) and (K, n)."""
+        angles = np.pi * (w + self.half_box) / (2.0 * self.half_box)
+        return [_multiples(a, count) for a, count in zip(angles.T, self.order.max(axis=0, initial=0), strict=True)]
 
 
-def _multiples(cosine: Floats, sine: Floats, count: int) -> tuple[Floats, Floats]:
+def _paired(along: Floats, across: Floats) -> Floats:
+    """Σ_k ``along`` (m, K, n) · ``across`` (K, n): (n, m)."""
+    return np.stack([np.einsum("kn,kn->n", part, across) for part in along], axis=1)
+
+
+def _multiples(angle: Floats, count: int) -> tuple[Floats, Floats]:
     """Cosines and sines (count, n) of 1 … ``count`` times an angle, by products, which are cheaper than sines."""
-    waves = np.empty((count, len(cosine)), dtype=complex)
-    step = cosine + 1j * sine
-    power = np.ones_like(step)
-    for row in waves:
-        power = np.multiply(power, step, out=row)
-    return waves.real, waves.imag
+    cosines, sines = np.empty((2, count, len(angle)))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    c, s = np.ones_like(angle), np.zeros_like(angle)
+    for next_c, next_s in zip(cosines, sines, strict=True):
+        c, s = np.subtract(c * cosine, s * sine, out=next_c), np.add(s * cosine, c * sine, out=next_s)
+    return cosines, sines
 
 
 def sine_basis(half_size: Floats, length_scale: float) -> SineBasis:
