@@ -141,6 +141,13 @@ class Trend(Protocol):
         """A first β, linear, for the rays ``c`` (n, 2) seen at ``w`` (n, 2)."""
         ...
 
+    def resembling(self, other: Trend, beta: Floats) -> Floats | None:
+        """The numbers that this trend shares with ``other`` as that has them in its ``beta``, the rest zero; None where
+
+        the linear start is as good.
+        """
+        ...
+
     def image(self, beta: Floats, c: Floats, near: Floats) -> Floats:
         """w (n, 2) of rays ``c`` (n, 2), in the neighbourhood of ``near`` (n, 2); nan where there is none."""
         ...

@@ -14,11 +14,12 @@ ENOUGH = 1000  # rays that tell a start as well as many more
 ROUGH_NOISE = 1e-3  # normalised image units: what the priors are weighed against
 
 
-def fit_trend(trend: Trend, w: Floats, xyz: Floats) -> Floats | None:
+def fit_trend(trend: Trend, w: Floats, xyz: Floats, near: Floats | None = None) -> Floats | None:
     """β by least squares in the image for rays ``xyz`` (n, 3) seen at ``w`` (n, 2), Levenberg-Marquardt.
 
-    Rays that the chart does not reach are left out; None where fewer than half remain, or where the trend
-    cannot start.
+    Starts from ``near``, where that is given and better than the trend's own start: a strong lens has other minima,
+    far from the right one. Rays that the chart does not reach are left out; None where fewer than half remain, or where
+    the trend cannot start.
     """
     c = trend.chart.coordinates(xyz)
     reached = np.isfinite(c).all(axis=1)
@@ -26,8 +27,10 @@ def fit_trend(trend: Trend, w: Floats, xyz: Floats) -> Floats | None:
         return None
     some = np.flatnonzero(reached)[:: max(1, int(reached.sum()) // ENOUGH)]
     c, w = c[some], w[some]
-    beta, precision, damping = trend.start(w, c), (ROUGH_NOISE / trend.prior_std) ** 2, 1e-4
-    at, value = _objective(trend, beta, w, c, precision)
+    precision, damping = (ROUGH_NOISE / trend.prior_std) ** 2, 1e-4
+    starts = [start for start in (trend.start(w, c), near) if start is not None]
+    tried = [(start, *_objective(trend, start, w, c, precision)) for start in starts]
+    beta, at, value = min(tried, key=lambda each: each[2])
     if not np.isfinite(value):
         return None
     for _ in range(STEPS):

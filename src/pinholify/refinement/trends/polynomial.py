@@ -81,6 +81,9 @@ class PolynomialTrend:
         first, second = self._columns(w)
         return np.asarray(np.linalg.lstsq(np.concatenate([first, second]), c.T.ravel(), rcond=1e-9)[0])
 
+    def resembling(self, other: Trend, beta: Floats) -> None:
+        """None: the linear start finds all coefficients."""
+
     def _coefficients(self, beta: Floats) -> Floats:
         """(terms, 2)."""
         bends = beta[3:].reshape(2, -1)

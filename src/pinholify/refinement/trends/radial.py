@@ -301,6 +301,14 @@ class LensTrend:
         beta[0] = (w * c).sum() / ((c**2).sum() if self.distorting else (w**2).sum())
         return beta
 
+    def resembling(self, other: Trend, beta: Floats) -> Floats | None:
+        """None for another chart or direction."""
+        if not isinstance(other, LensTrend) or other.family != self.family:
+            return None
+        full = np.zeros(max(len(self._free), len(other._free)))
+        full[: len(other._free)][other._free] = beta
+        return full[: len(self._free)][self._free]
+
     def image(self, beta: Floats, c: Floats, near: Floats) -> Floats:
         """w; ``near`` is not needed."""
         p = self.parts(beta)
