@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from pinholify.errors import InputError
 from pinholify.refinement.trends import FAMILIES, Angles, LensTrend, Plane, Trend, searches_named
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
+from pinholify.refinement.trends.polynomial import PolynomialTrend
 from pinholify.refinement.trends.radial import Radial, tangent_law
 
 TRENDS = [trend for build in FAMILIES.values() for search in build(3) for trend in search.within]
@@ -138,3 +139,24 @@ def test_levelling_rotation_takes_out_turn_and_roll() -> None:
 def test_unknown_trend_is_named_with_those_there_are(name: str) -> None:
     with pytest.raises(InputError, match="plane, angle"):
         searches_named(name)
+
+
+def test_a_strong_lens_is_fitted_from_a_trend_that_holds_it() -> None:
+    """A linear start runs into another minimum here; the same lens with numbers more, or less, does not."""
+    beta = np.array([1.2, -0.26, 0.15, -0.29, 0.16, 0.575, 0.916])
+    general = LensTrend(Plane(), True, 1, decentred=True, prismatic=True)
+    strong = LensTrend(Plane(), True, 0, anisotropic=False)
+    w = np.random.default_rng(0).uniform(-1, 1, (200, 2)) * [0.78, 0.44]
+    rays = strong.chart.directions(strong.ray(beta, w))
+    more = general.resembling(strong, beta)
+    assert more is not None
+    np.testing.assert_array_equal(more[general.kept(strong)], beta)
+    assert np.count_nonzero(more) == len(beta)
+    np.testing.assert_array_equal(strong.resembling(general, more), beta)
+    astray = fit_trend(strong, w, rays)
+    assert astray is None or np.abs(strong.image(astray, strong.ray(beta, w), w) - w).max() > 1e-3
+    found = fit_trend(strong, w, rays, strong.resembling(general, more + 1e-3))
+    assert found is not None
+    np.testing.assert_allclose(strong.image(found, strong.ray(beta, w), w), w, atol=1e-5)
+    assert LensTrend(Angles(), True, 1).resembling(strong, beta) is None
+    assert PolynomialTrend(3).resembling(strong, beta) is None
