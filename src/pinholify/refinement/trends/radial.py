@@ -38,6 +38,7 @@ LOG_RATIO_STD = 0.5
 TANGENT_STD = 1.0
 RADIAL_STD = 1.0
 BEND_STD = 0.03  # of p and q
+OFF_CENTRE = 0.5  # of the variance of corners, left by rays that grow from the image's middle
 SERIES = 1e-3  # |z| below which T is its series
 POLE = (np.pi / 2) ** 2
 TABLE = np.linspace(0.0, 4.0, 401)  # radii of the table from which the radial inverse starts
@@ -185,6 +186,11 @@ class Parts:
         return np.stack([m @ self.shape, by_difference, self.scale * m[:, ::-1]], axis=2)
 
 
+def _scale(w: Floats, c: Floats, distorting: bool) -> float:
+    """The factor from rays ``c`` to the image ``w``, or from there to rays, by least squares."""
+    return float((w * c).sum() / ((c**2).sum() if distorting else (w**2).sum()))
+
+
 @dataclass(frozen=True, slots=True)
 class LensTrend:
     """Either direction, on either chart, with ``order`` radial coefficients, and with or without the other
@@ -296,9 +302,18 @@ class LensTrend:
         return Parts(a, shape, full[3:5], full[5:7], radial)
 
     def start(self, w: Floats, c: Floats) -> Floats:
-        """A scaled identity by least squares, no distortion, the centre in the image's middle."""
+        """A scaled identity by least squares, no distortion, the centre in the image's middle.
+
+        Where rays do not grow from there, as in a part of a larger image, the centre is where they do.
+        """
         beta = np.zeros(len(self.prior_std))
-        beta[0] = (w * c).sum() / ((c**2).sum() if self.distorting else (w**2).sum())
+        middle_w, middle_c = w.mean(axis=0), c.mean(axis=0)
+        spread = w - middle_w
+        beta[0] = _scale(w, c, self.distorting)
+        if ((w - _scale(w, c, True) * c) ** 2).sum() > OFF_CENTRE * (spread**2).sum():
+            beta[0] = _scale(spread, c - middle_c, self.distorting)
+            first = 3 if self.anisotropic else 1
+            beta[first : first + 2] = middle_w - middle_c * (beta[0] if self.distorting else 1.0 / beta[0])
         return beta
 
     def resembling(self, other: Trend, beta: Floats) -> Floats | None:
