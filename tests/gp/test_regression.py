@@ -96,6 +96,16 @@ def test_the_jacobian_of_the_mean_is_that_of_central_differences(name):
     np.testing.assert_allclose(gp.jacobian(at), numeric, atol=1e-7)
 
 
+def test_many_points_at_once_are_as_one_by_one():
+    x, y = samples(60)
+    gp = condition(SquaredExponential(1.0, np.array([0.4, 0.6])), 0.2, data(x, np.stack([y, y**2], axis=1)))
+    at = np.random.default_rng(3).uniform(-1, 1, (1_000, 2))
+    mean, jacobian = gp.mean_and_jacobian(at)
+    np.testing.assert_allclose(mean, gp.kernel.covariance(at, x) @ gp.weights.T, atol=1e-12)
+    np.testing.assert_allclose(jacobian[::100], np.concatenate([gp.jacobian(p[None]) for p in at[::100]]), atol=1e-12)
+    assert gp.mean(at[:0]).shape == (0, 2)
+
+
 def test_a_linear_part_is_a_kernel_of_its_features():
     """y = g + F c + noise with c ~ N(0, S) has the covariance K + F S Fᵀ + σ² I (Rasmussen & Williams, 2.40)."""
     x, y = samples(40)

@@ -26,7 +26,7 @@ INVERSE_STEPS = 30
 INVERSE_TOLERANCE = 1e-7  # px
 INVERSE_ROUNDING = 1e-2  # px
 NEWTON_STEPS = 20
-NEWTON_TOLERANCE = 1e-13  # of the inputs' extent
+NEWTON_TOLERANCE = 1e-8  # of the inputs' extent: of an error that the same step squares
 NEWTON_ROUNDING = 1e-7  # an error below this that no longer shrinks is the rounding error of the kernel sum
 
 
@@ -220,25 +220,26 @@ class DisplacementMap:
 
     def _undisplaced(self, x: Floats) -> Floats:
         """The w with w + g(w) = ``x`` (n, 2), by Newton's method from the nearest training point."""
-        seen = np.isfinite(x).all(axis=1)
-        if not seen.all():
-            w = np.full_like(x, np.nan)
-            w[seen] = self._undisplaced(x[seen])
-            return w
+        w = np.full_like(x, np.nan)
+        active = np.flatnonzero(np.isfinite(x).all(axis=1))
         known = self.process.inputs
         displaced = self._displaced(known)
-        nearest = cKDTree(displaced).query(x)[1]
-        w = x - displaced[nearest] + known[nearest]
-        largest = np.inf
+        nearest = cKDTree(displaced).query(x[active])[1]
+        w[active] = x[active] - displaced[nearest] + known[nearest]
+        before = np.full(len(x), np.inf)
         for _ in range(NEWTON_STEPS):
-            error = self._displaced(w) - x
-            before, largest = largest, float(np.abs(error).max(initial=0.0))
-            if largest < NEWTON_TOLERANCE or before / 2.0 < largest < NEWTON_ROUNDING:
-                break
-            step = solve_2x2(np.eye(2) + self.process.jacobian(w), error)
+            g, slope = self.process.mean_and_jacobian(w[active])
+            error = w[active] + g - x[active]
+            step = solve_2x2(np.eye(2) + slope, error)
             length = np.linalg.norm(step, axis=1, keepdims=True)
-            w = w - np.nan_to_num(step * np.minimum(1.0, LONGEST_STEP / np.maximum(length, 1e-300)))
-        return np.asarray(w)
+            w[active] -= np.nan_to_num(step * np.minimum(1.0, LONGEST_STEP / np.maximum(length, 1e-300)))
+            largest = np.abs(error).max(axis=1)
+            going = (largest > NEWTON_TOLERANCE) & ((largest > NEWTON_ROUNDING) | (largest < before[active] / 2.0))
+            before[active] = largest
+            active = active[going]
+            if not len(active):
+                break
+        return w
 
 
 def trend_features(trend: Trend, beta: Floats, w: Floats) -> Floats:

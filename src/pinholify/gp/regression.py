@@ -17,6 +17,7 @@ from pinholify.arrays import Floats
 from pinholify.gp.kernels import Kernel
 
 LOG_2PI = float(np.log(2.0 * np.pi))
+AT_ONCE = 16_384  # kernel values that are held in memory; more of them wait for it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,12 +55,26 @@ class GaussianProcess:
 
     def mean(self, x: Floats) -> Floats:
         """Posterior mean of g at ``x`` (q, d), without the linear part: (q, m)."""
-        return np.asarray(self.kernel.covariance(x, self.inputs) @ self.weights.T)
+        return self.mean_and_jacobian(x)[0]
 
     def jacobian(self, x: Floats) -> Floats:
         """∂ mean/∂x at ``x`` (q, d): (q, m, d)."""
-        gradient = self.kernel.input_gradient(x, self.inputs)
-        return np.stack([g @ self.weights.T for g in gradient], axis=-1)
+        return self.mean_and_jacobian(x)[1]
+
+    def mean_and_jacobian(self, x: Floats) -> tuple[Floats, Floats]:
+        """:meth:`mean` and :meth:`jacobian`, for little more than one of them."""
+        parts = np.array_split(x, len(x) * len(self.inputs) // AT_ONCE + 1)
+        means, jacobians = zip(*map(self._mean_and_jacobian, parts), strict=True)
+        return np.concatenate(means), np.concatenate(jacobians)
+
+    def _mean_and_jacobian(self, x: Floats) -> tuple[Floats, Floats]:
+        """Both for as many ``x`` as the kernel's matrix stays in the processor's cache for."""
+        covariance, slope = self.kernel.covariance_and_slope(x, self.inputs)
+        # Σ w D (x − x') over the training points x' by two products, without their differences from each x
+        moments = slope @ (self.weights * self.inputs.T[:, None]).reshape(-1, len(self.inputs)).T
+        pull = (slope @ self.weights.T)[:, :, None] * x[:, None, :]
+        jacobian = pull - moments.reshape(*x.shape, len(self.weights)).transpose(0, 2, 1)
+        return covariance @ self.weights.T, jacobian / self.kernel.length_scale**2
 
     def variance(self, x: Floats) -> Floats:
         """Posterior variance of g at ``x`` (q, d), the linear part taken as known, the same for each output: (q,)."""
@@ -96,8 +111,10 @@ class GaussianProcess:
             moved = cho_solve((self.precision_factor, True), right).T
             moved_weights = moved_weights - np.einsum("mnp,dp->dmn", self.solved_features, moved)
         cross = self.kernel.covariance(x, self.inputs)
-        return np.asarray(np.einsum("qn,dmn->dqm", cross, moved_weights, optimize=True)
-                          + np.einsum("mqp,dp->dqm", features, moved, optimize=True))
+        return np.asarray(
+            np.einsum("qn,dmn->dqm", cross, moved_weights, optimize=True)
+            + np.einsum("mqp,dp->dqm", features, moved, optimize=True)
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,9 +182,7 @@ def _solve(kernel: Kernel, noise_std: float, observed: Data, covariance: Floats)
     )
 
 
-def _plain(
-    kernel: Kernel, noise_std: float, observed: Data, cholesky: Floats, weights: Floats
-) -> GaussianProcess:
+def _plain(kernel: Kernel, noise_std: float, observed: Data, cholesky: Floats, weights: Floats) -> GaussianProcess:
     """The common case without a linear part, where nothing of it need be computed."""
     n, m = observed.y.shape
     misfit = float((observed.y.T * weights).sum())

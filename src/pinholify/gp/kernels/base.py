@@ -48,16 +48,16 @@ class Kernel(ABC):
 
     def covariance(self, x: Floats, x2: Floats) -> Floats:
         """k(x, x2), (n, m), for points ``x`` (n, d) and ``x2`` (m, d)."""
-        return self.std**2 * self.correlation_and_slope(self.scaled(self.squared_differences(x, x2)))[0]
+        return self.covariance_and_slope(x, x2)[0]
 
-    def input_gradient(self, x: Floats, x2: Floats) -> Floats:
-        """∂k(x, x2)/∂x, (d, n, m)."""
-        s = self.scaled(self.squared_differences(x, x2))
-        factor = 2.0 * self.std**2 * self.correlation_and_slope(s)[1]
-        scales = np.broadcast_to(self.length_scale, (x.shape[1],))
-        return np.stack(
-            [factor * np.subtract.outer(a, b) / scale**2 for a, b, scale in zip(x.T, x2.T, scales, strict=True)]
-        )
+    def covariance_and_slope(self, x: Floats, x2: Floats) -> tuple[Floats, Floats]:
+        """k(x, x2) and the D with ∂k/∂x_d = D (x_d − x2_d)/l_d²: (n, m) each."""
+        a, b = x / self.length_scale, x2 / self.length_scale
+        s = (-2.0 * a) @ b.T
+        s += (a**2).sum(axis=1)[:, None]
+        s += (b**2).sum(axis=1)
+        correlation, slope = self.correlation_and_slope(np.maximum(s, 0.0, out=s))
+        return self.std**2 * correlation, 2.0 * self.std**2 * slope
 
     def covariance_and_gradients(self, squared_differences: Floats) -> tuple[Floats, list[Floats]]:
         """k at :meth:`squared_differences`, (n, m), and ∂k/∂log parameter, each (n, m), in parameter order."""
