@@ -14,7 +14,6 @@ import numpy as np
 
 from pinholify.arrays import Bools, Floats, Ints
 from pinholify.detection.intensity import Grey
-from pinholify.detection.saddle import sample
 
 BLUR = 1.5
 """Standard deviation (px) of the smoothing before second derivatives are taken."""
@@ -26,6 +25,9 @@ RING_SAMPLES = 32
 
 MOST = 20_000
 """Saddles looked at, the strongest first; photographs of gravel have far more."""
+
+ENOUGH = 100_000
+"""Pixels, evenly spread, that tell the range and the noise of an image's grey levels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,10 +62,9 @@ def find_candidates(grey: Grey) -> Candidates:
 
 def _least_contrast(grey: Grey) -> float:
     """Grey levels that a corner's sectors must differ by: above noise, and 3 % of the image's own range."""
-    step = max(1, int(np.sqrt(grey.size / 250_000)))
-    part = grey[::step, ::step]
-    low, high = np.percentile(part, [1, 99])
-    rows = grey[:: max(1, grey.shape[0] // 500)]
+    step = int(np.ceil(np.sqrt(grey.size / ENOUGH)))
+    low, high = np.percentile(grey[::step, ::step], [1, 99])
+    rows = grey[:: step * step]
     noise = 1.4826 * np.median(np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:])) / np.sqrt(6.0)
     return float(max(0.03 * (high - low), 3.0 * noise, 1e-6))
 
@@ -96,9 +97,12 @@ def _ring_test(smooth: Grey, uv: Floats) -> tuple[Floats, Bools]:
     """Contrast (n,) of the sectors around each place, and whether they are four, alternating and
     point-symmetric.
     """
+    if not len(uv):
+        return np.zeros(0), np.zeros(0, dtype=bool)
     angle = np.arange(RING_SAMPLES) * (2 * np.pi / RING_SAMPLES)
     circle = RING_RADIUS * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    ring = sample(smooth, uv[:, None, :] + circle)
+    places = np.asarray(uv[:, None] + circle, dtype=np.float32)
+    ring = cv2.remap(smooth, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     half = RING_SAMPLES // 2
     even, odd = (ring[:, :half] + ring[:, half:]) / 2, (ring[:, :half] - ring[:, half:]) / 2
     bright = even > (even.max(axis=1, keepdims=True) + even.min(axis=1, keepdims=True)) / 2

@@ -13,6 +13,7 @@ a finger, a marker, the image's end.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -26,6 +27,9 @@ from pinholify.detection.saddle import sample
 
 SAMPLES = 730
 """Places in a window where the grey levels are read."""
+
+BLOCK = 16
+"""Windows fitted at a time: as many as fit a processor's cache."""
 
 ITERATIONS = 6
 
@@ -77,6 +81,11 @@ class Crossings:
         return self.uv, self.std, self.strength, self.residual, self.sound
 
 
+def joined(parts: Sequence[Crossings]) -> Crossings:
+    """The corners of all ``parts``, one after the other."""
+    return Crossings(*map(np.concatenate, zip(*(part._fields() for part in parts), strict=True)))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Windows:
     """Where to fit: corners ``uv`` (n, 2) px, ``axes`` (n, 2, 2) px a window's half side, ``bend`` (n, 2, 3)
@@ -121,6 +130,12 @@ def _places() -> Floats:
 
 def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
     """Fits the two edges in each of ``windows``."""
+    count = len(windows.uv)
+    blocks = np.array_split(np.arange(count), max(1, -(-count // BLOCK)))
+    return joined([_fit_block(grey, windows.select(block)) for block in blocks])
+
+
+def _fit_block(grey: Grey, windows: Windows) -> Crossings:
     places = windows.places()
     size = np.array([grey.shape[1], grey.shape[0]]) - 1
     inside = np.asarray(((places >= 0) & (places <= size)).all(axis=2))
@@ -132,17 +147,18 @@ def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
     weight = inside.astype(np.float64)
     for _ in range(ITERATIONS):
         design = _design(shape, scale)
-        weighted = (design * weight[:, :, None]).transpose(0, 2, 1)
-        normal = np.asarray(weighted @ design)
+        weighted = design * weight[:, None]
+        normal = np.asarray(weighted @ design.transpose(0, 2, 1))
         normal += 1e-9 * np.einsum("nii->n", normal)[:, None, None] * np.eye(11)
-        solution = np.linalg.solve(normal, weighted @ values[:, :, None])[:, :, 0]
-        residual = values - (design @ solution[:, :, None])[:, :, 0]
+        solution = np.linalg.solve(normal, weighted @ values[:, :, None])
+        residual = values - (solution.transpose(0, 2, 1) @ design)[:, 0]
+        solution = solution[:, :, 0]
         strength = np.where(np.abs(solution[:, 3]) < 1e-6, 1e-6, solution[:, 3])
         step = solution[:, 6:] / strength[:, None]
         shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST, GREATEST)
-        scatter = 1.4826 * np.median(np.abs(np.where(inside, residual, 0.0)), axis=1)
+        scatter = 1.4826 * np.median(np.abs(residual * inside), axis=1)
         spread = scatter + LEAST_SPREAD * np.abs(strength)
-        if (np.abs(step[:, :2]) * scale).max() < SETTLED:
+        if (np.abs(step[:, :2]) * scale).max(initial=0.0) < SETTLED:
             break
         ratio = residual / (2 * OUTLIER * spread[:, None])
         weight = np.asarray(inside * np.clip(1 - ratio**2, 0.0, None) ** 2)
@@ -150,7 +166,7 @@ def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
 
 
 def _design(shape: Floats, scale: Floats) -> Floats:
-    """(n, SAMPLES, 11): the six linear terms, then the derivatives by d, e, α, β and log b, each per unit of
+    """(n, 11, SAMPLES): the six linear terms, then the derivatives by d, e, α, β and log b, each per unit of
     κ.
     """
     s, t = _places()
@@ -159,12 +175,18 @@ def _design(shape: Floats, scale: Floats) -> Floats:
     blur = np.exp(log_blur)
     edge_s, slope_s = _edge(across_s, blur / scale[:, :1])
     edge_t, slope_t = _edge(across_t, blur / scale[:, 1:])
-    both = edge_s * edge_t
-    by_s, by_t = slope_s * edge_t, edge_s * slope_t
-    one = np.ones_like(both)
-    columns = [one, s * one, t * one, both, s * both, t * both]
-    columns += [-by_s, -by_t, -t * by_s, -s * by_t, -across_s * by_s - across_t * by_t]
-    return np.stack(columns, axis=2)
+    design = np.empty((len(shape), 11, SAMPLES))
+    design[:, 0], design[:, 1], design[:, 2] = 1.0, s, t
+    both, by_d, by_e = design[:, 3], design[:, 6], design[:, 7]
+    np.multiply(edge_s, edge_t, out=both)
+    np.multiply(s, both, out=design[:, 4])
+    np.multiply(t, both, out=design[:, 5])
+    np.multiply(-slope_s, edge_t, out=by_d)
+    np.multiply(edge_s, -slope_t, out=by_e)
+    np.multiply(t, by_d, out=design[:, 8])
+    np.multiply(s, by_e, out=design[:, 9])
+    design[:, 10] = across_s * by_d + across_t * by_e
+    return design
 
 
 def _edge(x: Floats, blur: Floats) -> tuple[Floats, Floats]:

@@ -12,7 +12,7 @@ from pinholify.arrays import Bools, Floats, Ints
 from pinholify.detection.candidates import Candidates, neighbours
 from pinholify.detection.intensity import Grey
 from pinholify.detection.lattice import Lattice
-from pinholify.detection.prediction import Prediction, local_frames, predict
+from pinholify.detection.prediction import Prediction, predict
 from pinholify.detection.saddle import refine_saddles, saddle_strength, sample
 
 FEWEST = 9
@@ -29,11 +29,17 @@ MOST_REPAIRS = 5
 
 SIDES = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
+PAIR = 2**32
+"""Columns are counted in this many rows where a pair of indices has to be one number."""
+
 GATE = (0.1, 0.4)
 """The gate around a prediction is six standard deviations, within these fractions of the spacing."""
 
 BESIDE = 0.125
 """How far beside an edge its colours are compared, as a fraction of the squares' width."""
+
+ENOUGH = 24
+"""Corners that tell how strong the others of a lattice are."""
 
 WINDOW = 0.25
 """Half window of the search at a predicted place, as a fraction of the spacing."""
@@ -76,9 +82,12 @@ class Grower:
         banned: set[tuple[int, int]] = set()
         for _ in range(MOST_REPAIRS):
             lattice = self._grow(lattice, banned)
-            if len(lattice) < FEWEST or disorder(lattice) > DISORDER:
+            if len(lattice) < FEWEST:
                 break
-            kept = regular(lattice)
+            expected = left_out(lattice)
+            if disorder(lattice, expected) > DISORDER:
+                break
+            kept = regular(lattice, expected=expected)
             if kept.all():
                 break
             banned |= _pairs(lattice.index[~kept])
@@ -131,8 +140,7 @@ class Grower:
         """Saddles fitted at the predicted places, in windows of the predicted scale and shear."""
         frames = WINDOW * expected.jacobian
         inside = _inside(self.grey, expected.uv, frames)
-        known, _ = local_frames(lattice.index, lattice.uv)
-        usual = np.median(np.abs(saddle_strength(self.grey, lattice.uv, WINDOW * known)))
+        usual = self._usual_strength(lattice)
         frames[~inside] = np.eye(2)
         saddles = refine_saddles(self.grey, expected.uv, frames)
         strength = saddles.strength * signs(index, lattice.phase)
@@ -140,27 +148,40 @@ class Grower:
         clear = (strength > 0.2 * usual) & (saddles.residual < 0.35 * strength)
         return saddles.uv, inside & saddles.sound & near & clear
 
+    def _usual_strength(self, lattice: Lattice) -> float:
+        """Median of the saddles' strength at corners spread over ``lattice``, in grey levels."""
+        some = lattice.select(np.arange(len(lattice)) % (1 + len(lattice) // ENOUGH) == 0)
+        frames = predict(lattice.index, lattice.uv, some.index).jacobian
+        return float(np.median(np.abs(saddle_strength(self.grey, some.uv, WINDOW * frames))))
+
 
 def grower(grey: Grey, candidates: Candidates, *, beside: float = BESIDE) -> Grower:
     """A grower over ``grey`` with an index of its ``candidates``."""
     return Grower(grey, candidates, cKDTree(candidates.uv), beside)
 
 
-def disorder(lattice: Lattice) -> float:
+def left_out(lattice: Lattice, at: Floats | None = None) -> Prediction:
+    """Where the other corners predict each corner; ``at`` (n, 2) as in :func:`regular`."""
+    at = lattice.index.astype(np.float64) if at is None else at
+    return predict(at, lattice.uv, at, leave_out=True)
+
+
+def disorder(lattice: Lattice, expected: Prediction | None = None) -> float:
     """Median distance of corners from where the others predict them, as a fraction of the spacing."""
-    expected = predict(lattice.index, lattice.uv, lattice.index, leave_out=True)
+    expected = left_out(lattice) if expected is None else expected
     return float(np.median(np.linalg.norm(lattice.uv - expected.uv, axis=1) / expected.spacing))
 
 
-def regular(lattice: Lattice, at: Floats | None = None) -> Bools:
+def regular(lattice: Lattice, at: Floats | None = None, *, expected: Prediction | None = None) -> Bools:
     """Which corners (n,) stand where the others, without them, predict them; the worst of each place is not.
 
-    ``at`` (n, 2) are the corners' places on the board where these are not their indices.
+    ``at`` (n, 2) are the corners' places on the board where these are not their indices; ``expected`` is the
+    prediction, where it is known already.
     """
     if len(lattice) < 6:
         return np.ones(len(lattice), dtype=bool)
     at = lattice.index.astype(np.float64) if at is None else at
-    expected = predict(at, lattice.uv, at, leave_out=True)
+    expected = left_out(lattice, at) if expected is None else expected
     miss = np.linalg.norm(lattice.uv - expected.uv, axis=1)
     score = miss / np.maximum(3 * expected.std, 0.05 * expected.spacing + 0.3)
     # A wrong corner spoils the predictions of its neighbours: of those that miss, only the worst nearby goes.
@@ -171,33 +192,59 @@ def regular(lattice: Lattice, at: Floats | None = None) -> Bools:
 
 def bounded(grey: Grey, lattice: Lattice, beside: float = BESIDE) -> Bools:
     """Which corners (n,) have black on one side and white on the other of most edges to their neighbours."""
-    good, edges = np.zeros(len(lattice)), np.zeros(len(lattice))
-    rises = [_edge_rises(grey, lattice, step, beside) for step in (SIDES[0], SIDES[1])]
-    usual = np.median(np.concatenate([rise for _, _, rise in rises])) if edges.size else 0.0
-    for start, end, rise in rises:
-        for corner in (start, end):
-            np.add.at(edges, corner, 1.0)
-            np.add.at(good, corner, rise > max(0.3 * usual, 0.0))
+    after, before = next_corners(lattice.index)
+    area = _areas(lattice.uv, after, before)
+    sides = [_edge_rises(grey, lattice, after[:, axis], area, beside, side) for axis, side in enumerate((1, -1))]
+    start, end, rise = map(np.concatenate, zip(*sides, strict=True))
+    if not len(rise):
+        return np.zeros(len(lattice), dtype=bool)
+    clear = rise > max(0.3 * np.median(rise), 0.0)
+    corners, count = np.concatenate([start, end]), len(lattice)
+    good, edges = np.bincount(corners, np.tile(clear, 2), count), np.bincount(corners, minlength=count)
     return np.asarray((good > 0) & (good >= edges / 2))
 
 
-def _edge_rises(grey: Grey, lattice: Lattice, step: Ints, beside: float) -> tuple[Ints, Ints, Floats]:
-    """For corners one ``step`` apart: their positions (m,) in ``lattice`` and the rise of grey from dark to
-    bright.
+def next_corners(index: Ints) -> tuple[Ints, Ints]:
+    """Positions in ``index`` (n, 2) of the corners one column and one row on, and of those one back: (n, 2) each, -1
+    where there is none.
+    """
+    at = index - index.min(axis=0) + 1
+    table = np.full(at.max(axis=0) + 2, -1)
+    table[tuple(at.T)] = np.arange(len(index))
+    after, before = (np.stack([table[tuple((at + way * step).T)] for step in SIDES[:2]], axis=1) for way in (1, -1))
+    return after, before
+
+
+def _areas(uv: Floats, after: Ints, before: Ints) -> Floats:
+    """The area (n,) in px² of a square at each corner, by differences to its neighbours; nan where it has none along a
+    row or a column.
+    """
+    count = (after >= 0).astype(np.float64) + (before >= 0)
+    apart = np.where((after >= 0)[:, :, None], uv[after], uv[:, None])
+    apart -= np.where((before >= 0)[:, :, None], uv[before], uv[:, None])
+    across = apart[:, 0, 0] * apart[:, 1, 1] - apart[:, 0, 1] * apart[:, 1, 0]
+    steps = count.prod(axis=1)
+    return np.where(steps > 0, np.abs(across) / np.maximum(steps, 1.0), np.nan)
+
+
+def _edge_rises(
+    grey: Grey, lattice: Lattice, after: Ints, area: Floats, beside: float, side: int
+) -> tuple[Ints, Ints, Floats]:
+    """For the edges from corners to those ``after`` them: both positions (m,) in ``lattice`` and the rise of grey from
+    dark to bright.
 
     The rise is measured across the middle of the straight line between them, ``beside`` times the width of the squares
-    to each side.
+    to each side. ``side`` is +1 along rows and -1 along columns.
     """
-    place = {pair: k for k, pair in enumerate(zip(*lattice.index.T.tolist(), strict=True))}
-    di, dj = step.tolist()
-    pairs = [(k, place[i + di, j + dj]) for (i, j), k in place.items() if (i + di, j + dj) in place]
-    start, end = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    start = np.flatnonzero(after >= 0)
+    end = after[start]
     along = lattice.uv[end] - lattice.uv[start]
     # Towards the square that lies down and right of ``start``: below a row's edge, right of a column's.
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1) * (1 if di else -1)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1) * side
     squared = np.maximum((along**2).sum(axis=1), 1e-9)
     # Squares seen from a side are narrow: their width is their area over the edge's length.
-    width = np.abs(np.linalg.det(local_frames(lattice.index, lattice.uv)[0][start])) / np.sqrt(squared)
+    square = np.where(np.isnan(area[start]), area[end], area[start])
+    width = np.where(np.isnan(square), squared, square) / np.sqrt(squared)
     across *= (np.maximum(beside * width, 1.5) / np.sqrt(squared))[:, None]
     middle = lattice.uv[start][:, None] + along[:, None] * np.array([0.35, 0.5, 0.65])[:, None]
     difference = sample(grey, middle + across[:, None]) - sample(grey, middle - across[:, None])
@@ -224,9 +271,12 @@ def _first_cross(candidates: Candidates, links: Ints, seed: int) -> Lattice:
 
 def frontier(index: Ints, reach: int, banned: set[tuple[int, int]]) -> Ints:
     """Indices (m, 2) exactly ``reach`` steps along a row or column from a known one, and not yet known."""
-    known = _pairs(index)
-    around = {(i + reach * int(di), j + reach * int(dj)) for i, j in known for di, dj in SIDES}
-    return np.array(sorted(around - known - banned), dtype=np.int64).reshape(-1, 2)
+    around = (index[:, None] + reach * SIDES).reshape(-1, 2)
+    taken = np.concatenate([index, np.array(sorted(banned), dtype=np.int64).reshape(-1, 2)])
+    # One number for a pair, in the order of pairs.
+    new = np.setdiff1d(around @ [PAIR, 1], taken @ [PAIR, 1])
+    column = (new + PAIR // 2) // PAIR
+    return np.stack([column, new - column * PAIR], axis=1)
 
 
 def _pairs(index: Ints) -> set[tuple[int, int]]:

@@ -83,7 +83,7 @@ def local_frames(known: Floats | Ints, uv: Floats) -> tuple[Floats, Floats]:
 
 def _nearest(known: Floats | Ints, uv: Floats, query: Floats, *, leave_out: bool) -> tuple[Floats, Floats]:
     """Offsets (m, k, 2) of the k nearest known corners from each query, and their pixels (m, k, 2)."""
-    squared = ((query[:, None] - known[None]) ** 2).sum(axis=2)
+    squared = (query[:, :1] - known[:, 0]) ** 2 + (query[:, 1:] - known[:, 1]) ** 2
     if leave_out:
         squared[squared == 0] = np.inf
     count = min(NEAREST, len(known) - leave_out)
