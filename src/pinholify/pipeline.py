@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from pinholify.board import lattice
 from pinholify.calibration.circles import local_centres, needs_centres, true_centres
 from pinholify.calibration.condensing import condensed
+from pinholify.calibration.numbering import check_most_count_alike, numbered_alike
 from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_view
 from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera, virtual
@@ -48,8 +50,11 @@ def calibrate(
     roughly the one looked for, with which joint begins: where boards are too strange to begin without, or to be sure of
     the same answer; one that does not fit is left aside. ``square_mm`` is the side of a square.
     ``progress`` hears a line a stage. A circle grid's discs are centred once a first camera is known, and a second one
-    made from their centres, and once more. Raises InputError, CalibrationError or DegenerateError.
+    made from their centres, and once more. A board counted the other way round is renumbered, and
+    ``details["renumbered_boards"]`` says so. Raises InputError, CalibrationError or DegenerateError.
     """
+    check_most_count_alike(corner_set, mirrored)
+    corner_set, renumbered = numbered_alike(corner_set, mirrored)
     make = partial(
         _calibrate,
         reference=reference,
@@ -61,12 +66,11 @@ def calibrate(
         square_mm=square_mm,
         progress=progress,
     )
-    if not needs_centres(corner_set):
-        return make(corner_set)
-    calibration = make(local_centres(corner_set))
-    for _ in range(CENTRINGS):
+    circles = needs_centres(corner_set)
+    calibration = make(local_centres(corner_set) if circles else corner_set)
+    for _ in range(CENTRINGS if circles else 0):
         calibration = make(true_centres(corner_set, calibration.camera))
-    return calibration
+    return replace(calibration, details={**calibration.details, "renumbered_boards": dict(renumbered)})
 
 
 def _calibrate(

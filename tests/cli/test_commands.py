@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -126,6 +127,28 @@ def test_corners_from_standard_input(run, table, monkeypatch):
 def test_reference_by_the_last_part_of_its_name(run, table):
     result = run("calibrate", "--corners", table, *FROM_TABLE, "--reference", "folder/a0.png", "--json")
     assert json.loads(result.out)["reference"] == "a0.png"
+
+
+def test_a_board_counted_the_other_way_round_is_renumbered_and_named(run, poses):
+    right = corner_set(poses)
+    clean = run_json(run, right)
+    turned = replace(right.views[2], ids=right.views[2].ids.reshape(6, 9)[:, ::-1].ravel())
+    spoilt = run_json(run, right.with_views([turned if v.name == turned.name else v for v in right.views]))
+    note = "counted the other way round: its columns were reversed"
+    assert [board["note"] for board in spoilt["boards"]] == ["", "", note, *[""] * (len(right.views) - 3)]
+    assert [board["used"] for board in spoilt["boards"]] == [board["used"] for board in clean["boards"]]
+    assert (spoilt["f"], spoilt["heldout_px"]) == pytest.approx((clean["f"], clean["heldout_px"]), rel=1e-9)
+    said = run("calibrate", "--corners", "c.vnl", *FROM_TABLE, "--report", "r.md", "--force")
+    assert f"{turned.name} was {note}" in said.out
+    assert note in Path("r.md").read_text()
+
+
+def run_json(run, corners):
+    """What ``calibrate --json`` says of ``corners``, written to c.vnl."""
+    write_corner_table("c.vnl", corners)
+    result = run("calibrate", "--corners", "c.vnl", *FROM_TABLE, "--json", "--force")
+    assert result.status == 0
+    return json.loads(result.out)
 
 
 def test_mirrored_camera(run, poses):

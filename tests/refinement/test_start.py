@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
+from pinholify.calibration.numbering import handedness
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement import refine
 from pinholify.refinement.observations import image_frame, lattice_middle, observations
-from pinholify.refinement.outliers import handedness, locally_consistent, misfitting_boards, usable_views, with_enough
+from pinholify.refinement.outliers import locally_consistent, misfitting_boards, usable_views, with_enough
 from pinholify.refinement.start import SimpleLens, poses_of_directions, scan, simple_lenses
 
 from .conftest import BOARD, FOCAL, SIZE, Scene, make_scene

@@ -43,6 +43,7 @@ def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
                 "file": b.file,
                 "used": b.used,
                 "reason": b.reason,
+                "note": b.note,
                 "corners": b.corners,
                 "inside": b.inside,
                 "ce": b.ce,
@@ -101,7 +102,7 @@ def print_evaluation(evaluation: Evaluation, verdict: Verdict) -> None:
     if evaluation.heldout_px is None and evaluation.heldout_reason:
         console.print(f"  no held-out error: {escape(evaluation.heldout_reason)}")
     console.print(f"[bold]{escape(textwrap.fill(verdict.sentence, WIDTH))}[/]")
-    for line in _set_aside(evaluation):
+    for line in (*_set_aside(evaluation), *_renumbered(evaluation)):
         console.print(f"  [dim]{escape(line)}[/]")
 
 
@@ -152,6 +153,11 @@ def _set_aside(evaluation: Evaluation) -> list[str]:
     lines = [f"{b.file} does not count: {b.reason}" for b in aside[:ASIDE_SHOWN]]
     more = len(aside) - len(lines)
     return lines + ([f"{more} more do not count; --json tells why for each"] if more else [])
+
+
+def _renumbered(evaluation: Evaluation) -> list[str]:
+    """Boards whose corners were numbered anew."""
+    return [f"{b.file} was {b.note}" for b in evaluation.boards if b.note]
 
 
 def _millimetres(squares: float, square_mm: float | None) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pinholify.arrays import Floats
 from pinholify.calibration.circles import centred
+from pinholify.calibration.numbering import numbered_alike
 from pinholify.calibration.observation import MappedBoard, ObservedBoard, observe
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
@@ -49,7 +50,10 @@ Recalibrate = Callable[[CornerSet, str], Calibration]
 
 @dataclass(frozen=True, slots=True)
 class BoardScore:
-    """One image: its board's corners, how many count, and its errors where the board counts."""
+    """One image: its board's corners, how many count, and its errors where the board counts; ``note`` says what was
+
+    done to its corners.
+    """
 
     file: str
     used: bool
@@ -60,6 +64,7 @@ class BoardScore:
     re_percent: float | None = None
     re_refined_percent: float | None = None
     misfit_px: float | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +117,7 @@ def evaluate(
     kfold: bool = False,
 ) -> Evaluation:
     """Score ``calibration`` on ``corner_set``; held-out errors need ``recalibrate``."""
+    corner_set, notes = numbered_alike(corner_set, calibration.camera.mirrored)
     corner_set = centred(corner_set, calibration)
     mapped, observed = observe(calibration.camera, corner_set, calibration.solid)
     if not observed:
@@ -133,7 +139,7 @@ def evaluate(
     measured = {name: _measured(o, calibration) for name, o in observed.items()}
     return Evaluation(
         calibration,
-        tuple(_board_score(board, measured.get(board.name)) for board in mapped),
+        tuple(_board_score(board, measured.get(board.name), notes.get(board.name, "")) for board in mapped),
         observed,
         _pooled(list(measured.values())),
         _pooled([m for name, m in measured.items() if name != calibration.reference]),
@@ -173,13 +179,13 @@ def _measured(observed: ObservedBoard, calibration: Calibration) -> _Measured:
     )
 
 
-def _board_score(board: MappedBoard, measured: _Measured | None) -> BoardScore:
+def _board_score(board: MappedBoard, measured: _Measured | None, note: str) -> BoardScore:
     inside = int(board.inside.sum())
     if measured is None:
-        return BoardScore(board.name, False, board.reason, board.corners, inside)
+        return BoardScore(board.name, False, board.reason, board.corners, inside, note=note)
     ce = float(measured.lines.mean())
     percents = measured.re_percent, measured.re_refined_percent
-    return BoardScore(board.name, True, "", board.corners, inside, ce, *percents, board.misfit_px)
+    return BoardScore(board.name, True, "", board.corners, inside, ce, *percents, board.misfit_px, note)
 
 
 def _pooled(boards: Sequence[_Measured]) -> Pooled:

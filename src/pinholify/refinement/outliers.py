@@ -9,11 +9,11 @@ from scipy.spatial import cKDTree
 
 from pinholify.arrays import Bools, Floats
 from pinholify.board import Board
+from pinholify.calibration.numbering import FEWEST_CORNERS, counted_backwards
 from pinholify.corners import Corners
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.solver import lengths, robust_scale
 
-FEWEST_CORNERS = 6
 NEIGHBOURS = 16
 LOCAL_LIMIT = 6.0  # robust standard deviations from what the neighbours leave
 LIMIT = 4.5  # standard deviations: one in 25 000 honest corners lies farther out
@@ -39,17 +39,9 @@ def _unusable(view: Corners, board: Board, mirrored: bool) -> str:
     lattice = view.lattice(board)
     if np.linalg.matrix_rank(lattice - lattice.mean(axis=0), tol=1e-6) < 2:
         return "all corners on one line"
-    if (handedness(view, board) < 0) != mirrored:
+    if counted_backwards(view, board, mirrored):
         return "numbered as a reflection of the others: one axis is reversed"
     return ""
-
-
-def handedness(view: Corners, board: Board) -> float:
-    """Determinant of the best affine map from lattice to image: negative where the image shows a
-    reflection."""
-    lattice = view.lattice(board)
-    basis = np.column_stack([lattice - lattice.mean(axis=0)])
-    return float(np.linalg.det(np.linalg.lstsq(basis, view.uv - view.uv.mean(axis=0), rcond=None)[0]))
 
 
 def locally_consistent(residual: Floats, seen: Observations) -> Bools:

@@ -25,7 +25,7 @@ class BoardEntry:
     ``corners`` (n, 2) px with their ``residuals`` (n, 2) px, nan where a corner did not count (``counted`` (n,)).
     ``dropped`` corners were found wrong by the fit. ``rms_px`` and ``worst_px`` are per point; ``ratio`` tells by how
     much a board that looks wrong exceeds the noise. ``distance`` (squares) and ``tilt_degrees`` are of its middle and
-    its plane against the line of sight to it.
+    its plane against the line of sight to it. ``note`` says what was done to its corners.
     """
 
     name: str
@@ -45,6 +45,7 @@ class BoardEntry:
     tilt_degrees: float | None
     orientation_assumed: bool
     ambiguous_offset: bool
+    note: str
     thumbnail: Picture | None
 
 
@@ -92,11 +93,12 @@ def _entry(
         tilt,
         view.orientation_assumed,
         view.ambiguous_offset,
+        str(_named(calibration, "renumbered_boards").get(view.name, "")),
         thumbnail,
     )
 
 
-def _named(calibration: Calibration, key: str) -> dict[str, int]:
+def _named(calibration: Calibration, key: str) -> dict[str, int | str]:
     """A table of the calibration's details by image; empty where its method has none."""
     table = calibration.details.get(key)
     return table if isinstance(table, dict) else {}

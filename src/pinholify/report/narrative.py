@@ -169,10 +169,11 @@ def state(entry: BoardEntry) -> str:
 
 def _board_row(entry: BoardEntry) -> tuple[str, ...]:
     suspicion = "" if entry.ratio is None else f"; looks wrong, {entry.ratio:.1f} times the noise"
+    note = f"; {entry.note}" if entry.note else ""
     dropped = f" ({entry.dropped} dropped)" if entry.dropped else ""
     return (
         entry.name,
-        state(entry) + suspicion,
+        state(entry) + suspicion + note,
         f"{len(entry.corners)}{dropped}",
         number(entry.rms_px, 3),
         number(entry.worst_px, 2),

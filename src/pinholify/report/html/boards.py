@@ -111,6 +111,8 @@ def _badge(entry: BoardEntry) -> Markup:
     said = [element("span", state(entry), class_="badge in" if entry.included else "badge out")]
     if entry.ratio is not None:
         said.append(element("span", f"looks wrong: {entry.ratio:.1f} times the noise", class_="badge wrong"))
+    if entry.note:
+        said.append(element("span", entry.note, class_="badge out"))
     if entry.ambiguous_offset:
         said.append(element("span", "which part of the board is seen was assumed", class_="badge out"))
     return joined(said)
