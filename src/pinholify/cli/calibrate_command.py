@@ -17,6 +17,7 @@ from pinholify.cli.options import (
     force_option,
     json_option,
     print_json,
+    say,
 )
 from pinholify.cli.report_command import check_report_output, gathered_report, write_to
 from pinholify.cli.sources import gather_corners, input_files, look_again_with_progress, solving
@@ -33,6 +34,7 @@ FEWEST_BOARDS = 3  # the reference and two that stand otherwise
     epilog=examples(
         "pinholify calibrate photos/ --board 15x9 --square 25mm -o camera.npz",
         "pinholify calibrate photos/ --board auto",
+        "pinholify calibrate photos/ --board 15x9 --start last-month.npz -o camera.npz",
         "pinholify calibrate --corners corners.vnl --image-size 3840x2160 --board 15x9",
     ),
 )
@@ -57,6 +59,8 @@ FEWEST_BOARDS = 3  # the reference and two that stand otherwise
 @click.option("--refine-corners", is_flag=True,
               help="Look again at the photographs once the camera is known, for finer and more corners.")
 @click.option("--mirrored", is_flag=True, help="The camera looks into a mirror: the image is a reflection.")
+@click.option("--start", type=click.Path(path_type=Path), metavar="FILE",
+              help="A camera that is roughly this one, last month's or an imported one, to begin with; for joint.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
 @click.option("--heldout/--no-heldout", default=True, show_default=True,
               help="Calibrate again on half of the boards to score the others.")
@@ -77,6 +81,7 @@ def command(
     trend: str,
     refine_corners: bool,
     mirrored: bool,
+    start: Path | None,
     opencv: bool,
     heldout: bool,
     report: Path | None,
@@ -91,18 +96,23 @@ def command(
     from pinholify.cli.report import print_evaluation, to_json
     from pinholify.evaluation.summary import evaluate
     from pinholify.evaluation.verdict import judge
-    from pinholify.io.camera_file import is_camera_file, write_camera
+    from pinholify.io.camera_file import is_camera_file, read_camera, write_camera
     from pinholify.pipeline import calibrate
 
     method = chosen_method(method, kernel, trend)
     if refine_corners and table is not None:
         raise click.UsageError("--refine-corners looks at photographs; a corner table has none")
+    if start is not None and method == "one-image":
+        raise click.UsageError("the one-image method needs no --start: leave it out, or choose --method joint")
     files = input_files(images, table)
-    check_output(output, force=force, is_ours=is_camera_file, inputs=files)
+    inputs = files if start is None else [*files, start]
+    check_output(output, force=force, is_ours=is_camera_file, inputs=inputs)
     if report is not None:
-        check_report_output(report, (*files, output), force=force)
+        check_report_output(report, (*inputs, output), force=force)
+    known = None if start is None else read_camera(start).camera
+    mirrored = mirrored or (known is not None and known.mirrored)
     corner_set = gather_corners(images, table, board, image_size, mirrored, needed=FEWEST_BOARDS)
-    again = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored)
+    again = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored, start=known)
     with solving():
         calibration = again(corner_set, reference=reference, square_mm=square_mm)
         if refine_corners:
@@ -116,6 +126,8 @@ def command(
             compare_opencv=opencv,
         )
     write_camera(output, calibration)
+    if calibration.details.get("start_used") is False:
+        say(f"'{start}' was left aside as a start, it does not explain the corners: is it this camera, in this mode?")
     verdict = judge(evaluation, corner_set)
     if as_json:
         print_json(to_json(evaluation, verdict))
