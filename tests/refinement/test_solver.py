@@ -9,12 +9,13 @@ from pinholify.board import lattice
 from pinholify.refinement.basis import sine_basis
 from pinholify.refinement.evidence import (
     Hyperparameters,
-    _negative_log_evidence,
+    _information,
+    _scored,
     linearised,
     maximise_evidence,
+    nested_noise,
     posterior,
     process_averaged,
-    profile_noise,
 )
 from pinholify.refinement.model import Model, State, rotations_of
 from pinholify.refinement.normal import eliminate
@@ -170,13 +171,26 @@ def test_gradient_of_the_evidence(scene: Scene) -> None:
     equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
     problem = linearised(equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision())
 
-    def loss(p: np.ndarray) -> tuple[float, np.ndarray]:
-        return _negative_log_evidence(problem, density, Hyperparameters(p[:2], float(np.exp(p[2]))), 0.1)
-
     p = np.log([1e-3, 0.8, 2e-4])
+    gradient = _scored(problem, density, p, 0.1).gradient
     for i, h in enumerate(1e-5 * np.eye(3)):
-        numeric = (loss(p + h)[0] - loss(p - h)[0]) / 2e-5
-        np.testing.assert_allclose(loss(p)[1][i], numeric, rtol=1e-4, atol=1e-3)
+        values = [_scored(problem, density, near, 0.1).value for near in (p + h, p - h)]
+        np.testing.assert_allclose(gradient[i], (values[0] - values[1]) / 2e-5, rtol=1e-4, atol=1e-3)
+
+
+def test_information_is_half_the_trace_of_what_the_covariance_does() -> None:
+    """½ tr(K⁻¹ ∂K K⁻¹ ∂K') in the dense form, for data y = J θ + noise."""
+    rng, noise = np.random.default_rng(0), 0.7
+    jacobian, slopes, prior = rng.normal(size=(30, 7)), rng.normal(size=(4, 2)), rng.uniform(0.5, 2.0, 7)
+    precision = np.linalg.inv(noise**2 * np.eye(30) + (jacobian * prior) @ jacobian.T)
+    varied = [(jacobian[:, :4] * (prior[:4] * slope)) @ jacobian[:, :4].T for slope in slopes.T]
+    products = [precision @ each for each in (*varied, 2.0 * noise**2 * np.eye(30))]
+    whitened = jacobian * np.sqrt(prior) / noise
+    posterior_covariance = np.linalg.inv(np.eye(7) + whitened.T @ whitened)
+    np.testing.assert_allclose(
+        _information(np.tril(posterior_covariance), slopes, 30 - 7),
+        [[0.5 * np.trace(a @ b) for b in products] for a in products],
+    )
 
 
 def test_removed_unknowns_are_as_if_they_had_never_been(scene: Scene) -> None:
@@ -229,9 +243,17 @@ def test_noise_alone_is_the_fixed_point_of_its_evidence(scene: Scene) -> None:
     problem = linearised(
         equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision()
     ).without_process()
-    fit = profile_noise(problem, 1e-2)
-    for factor in (0.98, 1.02):
-        assert posterior(problem, problem.precision, factor * fit.hyperparameters.noise).log_evidence < fit.log_evidence
+    kept = np.ones((2, len(problem.theta)), dtype=bool)
+    kept[1, -1] = False  # without the board's stretch
+    found = nested_noise(problem, kept, 1e-2)
+    for one, noise, theta, best in zip(kept, found.noise, found.theta, found.log_evidence, strict=True):
+        part = problem.without(~one)
+        at_best = posterior(part, part.precision, noise)
+        assert best == pytest.approx(at_best.log_evidence, abs=1e-5)
+        np.testing.assert_allclose(theta[one], part.theta + at_best.delta, rtol=1e-6, atol=1e-9)
+        np.testing.assert_array_equal(theta[~one], 0.0)
+        for factor in (0.98, 1.02):
+            assert posterior(part, part.precision, factor * noise).log_evidence < best
 
 
 def test_minimise_finds_the_truth_from_afar() -> None:

@@ -8,7 +8,7 @@ solved in full.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,9 +21,10 @@ from pinholify.refinement.evidence import (
     Linearised,
     linearised,
     maximise_evidence,
+    nested,
+    nested_noise,
     posterior,
     process_averaged,
-    profile_noise,
 )
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.normal import eliminate
@@ -149,11 +150,11 @@ def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """A search's general trend without process; and the trends within it, best first."""
+    """A ``search`` whose general trend is solved without process, and the best of the trends within it."""
 
-    trend: Trend
+    search: Search
     solution: Solution
-    plain: tuple[Candidate, ...]
+    plain: Candidate
 
 
 def solve(setting: Setting, search: Search, known: Solution, seen: Observations) -> Solved | None:
@@ -165,42 +166,46 @@ def solve(setting: Setting, search: Search, known: Solution, seen: Observations)
         alone = linearise_with(setting, solution, no_basis(setting.half_size), seen)
     except np.linalg.LinAlgError:  # it ran away to where a pose no longer matters
         return None
-    found = _without_process(setting, solution, alone, search.within, solution.noise)
-    plain = sorted(filter(None, found), key=lambda candidate: -candidate.score)
-    return Solved(search.general, solution, tuple(plain)) if plain else None
+    plain = _without_process(setting, solution, alone, search.within, solution.noise)
+    return None if plain is None else Solved(search, solution, plain)
 
 
 def _without_process(
-    setting: Setting, solution: Solution, alone: Linearised, trends: Iterable[Trend], noise: float
-) -> list[Candidate | None]:
-    found: list[Candidate | None] = []
-    for trend in trends:
-        part = alone.without(_removed(solution.model.trend, trend, alone))
-        found.append(_candidate(setting, trend, solution, part, profile_noise(part, noise)))
-    return found
+    setting: Setting, solution: Solution, alone: Linearised, trends: Sequence[Trend], noise: float
+) -> Candidate | None:
+    """The best of ``trends`` that is one to one where there are corners, each at its own noise, from ``noise``."""
+    removed = _removed(solution.model.trend, trends, alone)
+    found = nested_noise(alone, ~removed, noise)
+    best: Candidate | None = None
+    for i in np.argsort(-found.log_evidence):
+        if best is not None and best.score >= found.log_evidence[i]:
+            break
+        fit = Fit(Hyperparameters(np.empty(0), float(found.noise[i])), float(found.log_evidence[i]))
+        beta = found.theta[i][~removed[i]]
+        candidate = _candidate(setting, trends[i], beta, solution, alone.without(removed[i]), fit)
+        if candidate is not None and (best is None or candidate.score > best.score):
+            best = candidate
+    return best
 
 
-def _removed(general: Trend, trend: Trend, problem: Linearised) -> Bools:
-    """Which of the globals of ``general`` the smaller ``trend`` lacks."""
-    removed = np.zeros(len(problem.theta), dtype=bool)
+def _removed(general: Trend, trends: Sequence[Trend], problem: Linearised) -> Bools:
+    """Which of the globals (D,) of ``general`` each of the smaller ``trends`` (n,) lacks: (n, D)."""
+    removed = np.zeros((len(trends), len(problem.theta)), dtype=bool)
     first = 2 * len(problem.frequencies)
-    kept = general.kept(trend)
-    removed[first : first + len(kept)] = ~kept
+    kept = np.array([general.kept(trend) for trend in trends])
+    removed[:, first : first + kept.shape[1]] = ~kept
     return removed
 
 
-def _candidate(setting: Setting, trend: Trend, solution: Solution, problem: Linearised, fit: Fit) -> Candidate | None:
-    """None where the trend is not one to one even where there are corners."""
-    best = fit.hyperparameters
-    precision = best.precision(setting.density, problem.frequencies, problem.precision)
-    theta = problem.theta + posterior(problem, precision, best.noise).delta
-    m, p = 2 * len(problem.frequencies), len(trend.prior_std)
-    beta = theta[m : m + p]
+def _candidate(
+    setting: Setting, trend: Trend, theta: Floats, solution: Solution, problem: Linearised, fit: Fit
+) -> Candidate | None:
+    """None where the trend, its β the first of ``theta``, is not one to one even where there are corners."""
+    beta = theta[: len(trend.prior_std)]
     if trend.folds(beta, setting.covered):
         return None
-    return Candidate(
-        trend, best, fit.log_evidence, problem, solution, trend.folds(beta, setting.image)
-    )
+    ends = trend.folds(beta, setting.image)
+    return Candidate(trend, fit.hyperparameters, fit.log_evidence, problem, solution, ends)
 
 
 def candidates(
@@ -211,22 +216,24 @@ def candidates(
     A later stage is solved only where no trend of those before suffices without the process.
     """
     seen = seen.thinned()
-    sufficient, start = False, None
+    sufficient, start, best = False, None, -np.inf
     for searches in stages:
         if sufficient:
             return
         solved = [solve(setting, search, known, seen) for search in searches]
-        for each in sorted(filter(None, solved), key=lambda one: -one.plain[0].score):
-            strongest = each.plain[0].log_evidence
-            yield from each.plain
+        for each in sorted(filter(None, solved), key=lambda one: -one.plain.score):
+            best = max(best, each.plain.score)
+            yield each.plain
             if sufficient:
                 continue
-            found = _with_process(setting, each, start, seen)
+            found = _with_process(setting, each, start, seen, best - WINDOW)
             if found is None:
                 continue
             yield found
-            sufficient = found.log_evidence < strongest + WORTH
-            start = _strong_enough(found.hyperparameters)
+            sufficient = found.log_evidence < each.plain.log_evidence + WORTH
+            if start is None or found.score > best:
+                start = _strong_enough(found.hyperparameters)
+            best = max(best, found.score)
 
 
 def _first_guess(setting: Setting, plain: Candidate) -> Hyperparameters:
@@ -241,36 +248,49 @@ def _strong_enough(hyperparameters: Hyperparameters) -> Hyperparameters | None:
 
 
 def _with_process(
-    setting: Setting, solved: Solved, start: Hyperparameters | None, seen: Observations
+    setting: Setting, solved: Solved, start: Hyperparameters | None, seen: Observations, needed: float
 ) -> Candidate | None:
-    """The best trend of the search with the process, chosen with the hyperparameters of another search."""
+    """The best trend of the search with the process, chosen with the hyperparameters of another search; those of its
+    own are not looked for where the evidence ``needed`` is out of reach.
+    """
     whole = linearise_with(setting, solved.solution, sine_basis(setting.half_size, SCREENING_LENGTH_SCALE), seen)
-    start = start or _fitted(setting, whole, _first_guess(setting, solved.plain[0])).hyperparameters
-    return _best_at(setting, solved.solution, whole, [plain.trend for plain in solved.plain], start)
+    start = start or _fitted(setting, whole, _first_guess(setting, solved.plain)).hyperparameters
+    return _best_at(setting, solved.solution, whole, solved.search.within, start, needed)
 
 
 def _best_at(
-    setting: Setting, solution: Solution, whole: Linearised, trends: Iterable[Trend], start: Hyperparameters
+    setting: Setting,
+    solution: Solution,
+    whole: Linearised,
+    trends: Sequence[Trend],
+    start: Hyperparameters,
+    needed: float = -np.inf,
 ) -> Candidate | None:
     """The best of ``trends`` within ``whole`` at the hyperparameters ``start``, with its own; the process is on."""
-    general = solution.model.trend
+    general, first = solution.model.trend, 2 * len(whole.frequencies)
+    removed = _removed(general, trends, whole)
     averaged = process_averaged(whole, setting.density, start)
-
-    def evidence(trend: Trend) -> float:
-        part = averaged.without(_removed(general, trend, averaged))
-        return posterior(part, part.precision, start.noise).log_evidence
-
-    for trend in sorted(trends, key=lambda trend: -evidence(trend)):
-        problem = whole.without(_removed(general, trend, whole))
-        candidate = _candidate(setting, trend, solution, problem, _fitted(setting, problem, start))
+    found = nested(averaged, ~removed[:, first:], np.full(len(trends), start.noise))
+    for i in np.argsort(-found.log_evidence):
+        problem = whole.without(removed[i])
+        fit = _fitted(setting, problem, start, needed)
+        precision = fit.hyperparameters.precision(setting.density, problem.frequencies, problem.precision)
+        theta = problem.theta + posterior(problem, precision, fit.hyperparameters.noise).delta
+        candidate = _candidate(setting, trends[i], theta[first:], solution, problem, fit)
         if candidate is not None:
             return candidate
     return None
 
 
-def _fitted(setting: Setting, problem: Linearised, start: Hyperparameters) -> Fit:
+def _fitted(setting: Setting, problem: Linearised, start: Hyperparameters, needed: float = -np.inf) -> Fit:
     return maximise_evidence(
-        problem, setting.density, start, shortest=setting.shortest, resolved=SCREENING_LENGTH_SCALE, most=8
+        problem,
+        setting.density,
+        start,
+        shortest=setting.shortest,
+        resolved=SCREENING_LENGTH_SCALE,
+        most=8,
+        needed=needed,
     )
 
 
@@ -319,7 +339,7 @@ def _closer(
     trends = [trend for trend in search.within if trend.order in orders]
     basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if leader.on else no_basis(setting.half_size)
     whole = linearise_with(setting, solution, basis, seen)
-    found = _without_process(setting, solution, whole.without_process(), trends, leader.hyperparameters.noise)
+    found = [_without_process(setting, solution, whole.without_process(), trends, leader.hyperparameters.noise)]
     if leader.on:
         found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters))
     best = max(filter(None, found), key=lambda candidate: candidate.score, default=None)

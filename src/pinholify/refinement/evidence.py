@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri
-from scipy.optimize import minimize
 
 from pinholify.arrays import Bools, Floats
 from pinholify.refinement.normal import NormalEquations
@@ -25,6 +24,10 @@ NOISE_RANGE = (1e-8, 0.1)
 LONGEST = 1.0
 NOISE_ROUNDS, NOISE_TOLERANCE = 3, 1e-4
 LARGEST_LOG_PRECISION = 100.0  # of a weight that the process cannot have
+LONGEST_STEP = 2.0  # of any log hyperparameter in one step of the search
+GAIN = 0.01  # nats that a step has to promise
+HOPE = 5.0  # times what a step promises: what more is missing, no further steps will bring
+RIDGE = 1e-6  # of the information, where the evidence tells nothing of a hyperparameter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,16 +116,18 @@ def process_averaged(at: Linearised, density: LogDensity, hyperparameters: Hyper
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """At given hyperparameters: ``log_evidence``, the best step ``delta`` (D,), and what gradients need.
-
-    ``shrinkage`` (D,) is the posterior variance of each unknown ÷ its prior variance, ``misfit`` the sum of
-    squares left.
+    """At given hyperparameters: ``log_evidence``, the best step ``delta`` (D,), the sum of squares ``misfit`` that it
+    leaves, and ``cholesky`` (D, D), the lower factor of the posterior precision in units of the prior's.
     """
 
     log_evidence: float
     delta: Floats
-    shrinkage: Floats
     misfit: float
+    cholesky: Floats
+
+    def covariance(self) -> Floats:
+        """The posterior covariance in units of the prior's, (D, D): its lower triangle, zeros above."""
+        return np.tril(dpotri(self.cholesky, lower=1)[0])
 
 
 def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
@@ -134,17 +139,67 @@ def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
     scaled = at.matrix * (root / noise)
     scaled *= (root / noise)[:, None]
     scaled[np.diag_indices(len(root))] += 1.0
-    cholesky = np.linalg.cholesky(scaled)
+    cholesky: Floats = np.linalg.cholesky(scaled)
     # The new unknowns, not the step to them: a prior that holds weights at zero would multiply the step's rounding.
     solved = cho_solve((cholesky, True), (at.right + at.matrix @ at.theta) * root / noise**2, check_finite=False)
     delta = solved * root - at.theta
     misfit = at.misfit - 2.0 * float(at.right @ delta) + float(delta @ at.matrix @ delta)
     quadratic = misfit / noise**2 + float(solved @ solved)
     log_det = 2.0 * float(np.log(np.diag(cholesky)).sum())
+    return Posterior(-0.5 * (quadratic + log_det + float(_of_noise(at, noise))), delta, misfit, cholesky)
+
+
+def _of_noise(at: Linearised, noise: float | Floats) -> float | Floats:
+    """−2 times what the evidence owes to the poses' determinant and the number of residuals alone, elementwise."""
     log_noise = 2.0 * np.log(noise)
-    poses = at.log_det_poses - 6.0 * at.boards * log_noise
-    value = -0.5 * (quadratic + log_det + poses + at.rows * (LOG_2PI + log_noise))
-    return Posterior(float(value), delta, np.diag(dpotri(cholesky, lower=1)[0]).copy(), misfit)
+    return at.log_det_poses - 6.0 * at.boards * log_noise + at.rows * (LOG_2PI + log_noise)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Nested:
+    """Posteriors of n models within one: ``noise`` (n,), ``log_evidence`` (n,), unknowns ``theta`` (n, D), zero where
+    a model lacks them, the sums of squares ``misfit`` (n,) they leave, and how many the data ``determined`` (n,).
+    """
+
+    noise: Floats
+    log_evidence: Floats
+    theta: Floats
+    misfit: Floats
+    determined: Floats
+
+
+def nested(at: Linearised, kept: Bools, noise: Floats) -> Nested:
+    """The posteriors where only the unknowns ``kept`` (n, D) are free and the others zero, for ``noise`` (n,) each.
+
+    ``at`` has no process: one call for many small models costs what a few calls of :func:`posterior` do.
+    """
+    root = kept * at.precision**-0.5
+    scaled = at.matrix * (root[:, :, None] * root[:, None, :]) / noise[:, None, None] ** 2 + np.eye(root.shape[1])
+    unit = np.diagonal(scaled, axis1=1, axis2=2) ** -0.5
+    cholesky = np.linalg.cholesky(scaled * unit[:, :, None] * unit[:, None, :])
+    inverse = np.linalg.inv(cholesky) * unit[:, None, :]
+    right = (at.right + at.matrix @ at.theta) * root / noise[:, None] ** 2
+    solved = (inverse.transpose(0, 2, 1) @ (inverse @ right[:, :, None]))[:, :, 0]
+    theta = solved * root
+    delta = theta - at.theta
+    misfit = at.misfit - 2.0 * delta @ at.right + (delta @ at.matrix * delta).sum(axis=1)
+    log_det = 2.0 * np.log(np.diagonal(cholesky, axis1=1, axis2=2) / unit).sum(axis=1)
+    quadratic = misfit / noise**2 + (solved**2).sum(axis=1)
+    log_evidence = -0.5 * (quadratic + log_det + _of_noise(at, noise))
+    return Nested(noise, log_evidence, theta, misfit, (1.0 - (inverse**2).sum(axis=1)).sum(axis=1))
+
+
+def nested_noise(at: Linearised, kept: Bools, noise: float) -> Nested:
+    """:func:`nested` at the noise of highest evidence of each, by its fixed point from ``noise``."""
+    found = nested(at, kept, np.full(len(kept), noise))
+    for _ in range(NOISE_ROUNDS):
+        freedom = np.maximum(at.rows - 6 * at.boards - found.determined, 1.0)
+        better = np.maximum(np.sqrt(found.misfit / freedom), NOISE_RANGE[0])
+        moved = np.abs(better / found.noise - 1.0).max()
+        found = nested(at, kept, better)
+        if moved < NOISE_TOLERANCE:
+            break
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,17 +227,6 @@ class Fit:
     log_evidence: float
 
 
-def profile_noise(at: Linearised, noise: float) -> Fit:
-    """The noise of highest evidence where there is no process, by its fixed point from ``noise``."""
-    for _ in range(NOISE_ROUNDS):
-        found, before = posterior(at, at.precision, noise), noise
-        freedom = at.rows - 6 * at.boards - (1.0 - found.shrinkage).sum()
-        noise = max(float(np.sqrt(found.misfit / max(freedom, 1.0))), NOISE_RANGE[0])
-        if abs(noise - before) < NOISE_TOLERANCE * noise:
-            break
-    return Fit(Hyperparameters(np.empty(0), noise), posterior(at, at.precision, noise).log_evidence)
-
-
 def maximise_evidence(
     at: Linearised,
     density: LogDensity,
@@ -190,37 +234,32 @@ def maximise_evidence(
     *,
     shortest: float,
     resolved: float,
-    most: int = 40,
+    most: int = 20,
+    needed: float = -np.inf,
 ) -> Fit:
-    """Hyperparameters by L-BFGS with analytic gradients from ``start``.
+    """Hyperparameters by Fisher scoring from ``start``, in at most ``most`` steps.
 
     ``shortest`` is the penalised-complexity prior exp(−shortest/l); ``resolved`` the shortest length scale
-    that the functions of ``at`` can carry.
+    that the functions of ``at`` can carry; the search is left where the log evidence ``needed`` is out of reach. Raises
+    numpy.linalg.LinAlgError where ``start`` has no evidence.
     """
-    # The evidence is far steeper in the noise than in the rest: in units of the noise's own uncertainty it is not.
-    units = np.append(np.ones(len(start.kernel)), np.sqrt(1.0 / at.rows))
-    low, high = _log_bounds(len(start.kernel) - 1, resolved) / units
-
-    def loss(scaled: Floats) -> tuple[float, Floats]:
-        parameters = scaled * units
-        trial = Hyperparameters(parameters[:-1], float(np.exp(parameters[-1])))
+    low, high = _log_bounds(len(start.kernel) - 1, resolved)
+    here = _scored(at, density, np.clip(np.append(start.kernel, np.log(start.noise)), low, high), shortest)
+    longest = LONGEST_STEP
+    for _ in range(most):
+        room = np.array([low, high]) - here.parameters
+        step, promised = here.step(*np.clip(room, -longest, longest))
+        if promised < max(GAIN, (needed - here.value) / HOPE):
+            break
         try:
-            value, gradient = _negative_log_evidence(at, density, trial, shortest)
+            there = _scored(at, density, here.parameters + step, shortest)
         except np.linalg.LinAlgError:  # no longer positive definite in double precision: not a place to be
-            return 1e25, np.zeros(len(parameters))
-        return value, gradient * units
-
-    first = np.clip(np.append(start.kernel, np.log(start.noise)) / units, low, high)
-    found = minimize(
-        loss,
-        first,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=list(zip(low, high, strict=True)),
-        options={"maxiter": most, "ftol": 1e-7, "gtol": 1e-2},
-    )
-    parameters = found.x * units
-    return Fit(Hyperparameters(parameters[:-1], float(np.exp(parameters[-1]))), -float(found.fun))
+            there = here
+        if there.value > here.value:
+            here, longest = there, min(2.0 * longest, LONGEST_STEP)
+        else:
+            longest = 0.25 * float(np.abs(step).max())
+    return Fit(_hyperparameters(here.parameters), here.value)
 
 
 def _log_bounds(scales: int, resolved: float) -> Floats:
@@ -230,19 +269,78 @@ def _log_bounds(scales: int, resolved: float) -> Floats:
     return np.asarray(np.log([*kernel, NOISE_RANGE]).T)
 
 
-def _negative_log_evidence(
-    at: Linearised, density: LogDensity, trial: Hyperparameters, shortest: float
-) -> tuple[float, Floats]:
+def _hyperparameters(parameters: Floats) -> Hyperparameters:
+    return Hyperparameters(parameters[:-1], float(np.exp(parameters[-1])))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scored:
+    """The log evidence with the length scale's prior at ``parameters`` (p,), log kernel parameters and log noise: its
+    ``value``, ``gradient`` (p,) and Fisher ``information`` (p, p).
+    """
+
+    parameters: Floats
+    value: float
+    gradient: Floats
+    information: Floats
+
+    def step(self, low: Floats, high: Floats) -> tuple[Floats, float]:
+        """The scoring step (p,) between ``low`` and ``high`` (p,), and the gain that it promises.
+
+        What would go too far is held at its limit, the farthest first, and the others go where that leads them.
+        """
+        step, free = np.zeros_like(self.gradient), np.ones(len(self.gradient), dtype=bool)
+        matrix = self.information + np.diag(RIDGE * (1.0 + np.diag(self.information)))
+        while free.any():
+            held = matrix[np.ix_(free, ~free)] @ step[~free]
+            step[free] = np.linalg.solve(matrix[np.ix_(free, free)], self.gradient[free] - held)
+            limit = np.where(step > 0, high, low)
+            excess = np.where(free, np.abs(step) / np.maximum(np.abs(limit), 1e-300), 0.0)
+            if not excess.max() > 1.0:
+                break
+            farthest = int(excess.argmax())
+            step[farthest], free[farthest] = limit[farthest], False
+        return step, float(self.gradient @ step - 0.5 * step @ self.information @ step)
+
+
+def _scored(at: Linearised, density: LogDensity, parameters: Floats, shortest: float) -> _Scored:
+    """Value and derivatives in closed form."""
+    trial, m = _hyperparameters(parameters), 2 * len(at.frequencies)
     precision = trial.precision(density, at.frequencies, at.precision)
     found = posterior(at, precision, trial.noise)
-    by_log_noise = found.misfit / trial.noise**2 + (1.0 - found.shrinkage).sum() - at.rows + 6 * at.boards
-    if not len(trial.kernel):
-        return -found.log_evidence, np.array([-by_log_noise])
-    m = len(at.frequencies)
-    by_log_precision = 0.5 * (1.0 - found.shrinkage - precision * (at.theta + found.delta) ** 2)
-    by_log_density = -(by_log_precision[:m] + by_log_precision[m : 2 * m])
-    gradient = by_log_density @ density(trial.kernel, at.frequencies)[1]
-    scales = np.exp(trial.kernel[1:])
-    gradient[1:] += shortest / scales
-    value = found.log_evidence - shortest * float((1.0 / scales).sum())
-    return -value, -np.append(gradient, by_log_noise)
+    covariance = found.covariance()
+    shrinkage = np.diag(covariance).copy()
+    freedom = at.rows - 6 * at.boards - len(precision)
+    gradient = np.array([found.misfit / trial.noise**2 - shrinkage.sum() - freedom])
+    if not m:
+        slopes = np.empty((0, 0))
+        return _Scored(parameters, found.log_evidence, gradient, _information(covariance, slopes, freedom))
+    by_precision = 0.5 * (1.0 - shrinkage - precision * (at.theta + found.delta) ** 2)[:m]
+    slopes = np.tile(density(trial.kernel, at.frequencies)[1], (2, 1))
+    prior = np.append(0.0, shortest * np.exp(-trial.kernel[1:]))
+    information = _information(covariance, slopes, freedom)
+    information[np.diag_indices(len(prior))] += prior
+    return _Scored(
+        parameters, found.log_evidence - prior.sum(), np.append(prior - by_precision @ slopes, gradient), information
+    )
+
+
+def _information(covariance: Floats, slopes: Floats, freedom: float) -> Floats:
+    """Fisher information (p, p) of the log kernel parameters, by which the log variances of the first m unknowns have
+    ``slopes`` (m, p − 1), and of the log noise. ``covariance`` (D, D) is B⁻¹, the posterior's in units of the prior's,
+    its lower triangle; ``freedom`` the residuals beyond the unknowns.
+
+    With Q = 1 − B⁻¹ that of two log variances' derivatives d, e is ½ dᵀ(Q∘Q)e, that of d and the log noise
+    dᵀ diag(B⁻¹ − B⁻²), that of the log noise twice the trace of the identity on the freedom and of B⁻².
+    """
+    m, own = len(slopes), np.diag(covariance).copy()
+    lower = covariance**2
+    squares = lower.sum(axis=0) + lower.sum(axis=1) - own**2  # the diagonal of B⁻²
+    noise = np.array([[2.0 * (freedom + squares.sum())]])
+    if not m:
+        return noise
+    process = lower[:m, :m]
+    process[np.diag_indices(m)] = 0.5 * (1.0 - own[:m]) ** 2
+    half = slopes.T @ process @ slopes
+    shared = slopes.T @ (own - squares)[:m, None]
+    return np.block([[0.5 * (half + half.T), shared], [shared.T, noise]])
