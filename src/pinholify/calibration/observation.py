@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
 from pinholify.corners import Corners, CornerSet
 from pinholify.geometry import Pose, apply_homography, estimate_homography, homography_jacobian
-from pinholify.gp.maps import PlaneMap
+
+if TYPE_CHECKING:
+    from pinholify.gp.maps import PlaneMap
 
 Solid = Callable[[Floats], Floats]
 """Lattice points (n, 2) → points of the board (n, 3), both in squares."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,7 +26,9 @@ from pinholify.charts import Intrinsics, PlaneChart
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError, DegenerateError, InputError
 from pinholify.geometry import ConvexRegion, convex_hull, homography_response, normalising_similarity
-from pinholify.gp.fitting import FittedMap, fit_map
+
+if TYPE_CHECKING:  # loads SciPy's optimisers, which the joint method does without
+    from pinholify.gp.fitting import FittedMap
 
 MINIMUM_REFERENCE_CORNERS = 16
 MOST_POINTS = 600  # that the process learns from; denser ones are condensed: it takes n³
@@ -50,6 +53,8 @@ def calibrate_one_image(
     InputError for a reference that is not there or is numbered with the wrong handedness, CalibrationError where too
     little is seen, DegenerateError where the boards do not determine K.
     """
+    from pinholify.gp.fitting import fit_map
+
     view = reference_view(corner_set, reference)
     learnt = condensed_view(view, corner_set.board, block_side(len(view), MOST_POINTS))
     lattice = learnt.lattice(corner_set.board)

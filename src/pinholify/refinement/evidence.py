@@ -139,7 +139,7 @@ def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
     scaled = at.matrix * (root / noise)
     scaled *= (root / noise)[:, None]
     scaled[np.diag_indices(len(root))] += 1.0
-    cholesky: Floats = np.linalg.cholesky(scaled)
+    cholesky: Floats = np.asarray(np.linalg.cholesky(scaled), dtype=np.float64)
     # The new unknowns, not the step to them: a prior that holds weights at zero would multiply the step's rounding.
     solved = cho_solve((cholesky, True), (at.right + at.matrix @ at.theta) * root / noise**2, check_finite=False)
     delta = solved * root - at.theta
