@@ -227,10 +227,14 @@ def first_solution(setting: Setting, seen: Observations, given: GivenLens | None
 
 
 def _from_given(model: Model, given: GivenLens, seen: Observations) -> Solution | None:
-    """None where the camera says too little of the boards."""
-    known = with_enough(seen, given.inside(seen.image))
-    near = _solve_from(model, given, seen.select(known)) if known.any() else None
-    return None if near is None else _of_all_boards(near, seen)
+    """From all corners, or from those alone where the camera may be believed, whichever leads nearer; None where it
+
+    says too little of the boards.
+    """
+    believed = with_enough(seen, given.inside(seen.image))
+    parts = [seen] if believed.all() or not believed.any() else [seen, seen.select(believed)]
+    found = [_of_all_boards(s, seen) for part in parts if (s := _solve_from(model, given, part)) is not None]
+    return min(found, key=lambda solution: solution.noise, default=None)
 
 
 def _from_lenses(model: Model, lenses: Iterable[Lens], seen: Observations) -> Solution:
