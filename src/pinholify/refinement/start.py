@@ -20,7 +20,7 @@ import numpy as np
 
 from pinholify.arrays import Bools, Floats
 from pinholify.camera import VirtualCamera
-from pinholify.charts import AngleChart, angles_to_directions
+from pinholify.charts import AngleChart, angles_to_directions, directions_to_angles
 from pinholify.errors import CalibrationError, InputError
 from pinholify.refinement.candidates import Setting
 from pinholify.refinement.model import Model, State
@@ -96,7 +96,7 @@ class SimpleLens:
 class GivenLens:
     """A ``camera`` in the normalised coordinates of ``frame``, turned by ``turn`` (3, 3) to where trends have their
 
-    axis: its own, or the ray of the image's middle where it knows none.
+    axis, upright: its own, or the ray of the image's middle where it knows none.
     """
 
     camera: VirtualCamera
@@ -128,13 +128,22 @@ def given_lens(camera: VirtualCamera, frame: ImageFrame, image_size: tuple[int, 
             f"the start is a camera of images of {given_width}x{given_height}, and these are {width}x{height}: make "
             "the camera of this mode with 'pinholify mode', or calibrate without a start"
         )
-    if isinstance(camera.chart, AngleChart):
-        return GivenLens(camera, frame, camera.chart.rotation.T)
     sides = [np.linspace(0.0, n - 1.0, LEVELLING_GRID) for n in image_size]
     uv = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
     uv = np.concatenate([uv[camera.inside(uv)], camera.domain.hull.vertices])
-    level = levelling_rotation(frame.normalise(uv), camera.chart.directions(camera.plane_map.value(uv)))
-    return GivenLens(camera, frame, level)
+    x, directions = frame.normalise(uv), camera.chart.directions(camera.plane_map.value(uv))
+    if not isinstance(camera.chart, AngleChart):
+        return GivenLens(camera, frame, levelling_rotation(x, directions))
+    turn = camera.chart.rotation.T
+    return GivenLens(camera, frame, _upright(x, directions @ turn.T) @ turn)
+
+
+def _upright(x: Floats, directions: Floats) -> Floats:
+    """The turn (3, 3) about z after which ``directions`` (n, 3) stand as the image points ``x`` (n, 2) seeing them."""
+    (a, b), (c, d) = (x - x.mean(axis=0)).T @ directions_to_angles(directions)
+    roll = np.arctan2(b - c, a + d)
+    cosine, sine = np.cos(roll), np.sin(roll)
+    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def simple_lenses() -> list[SimpleLens]:
