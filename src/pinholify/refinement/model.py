@@ -119,6 +119,8 @@ class Model:
         camera = turned + state.translations[seen.view]
         chart = self.trend.chart.coordinates(camera)
         w = self.trend.image(state.beta, chart, seen.image)
+        if not len(self.basis):
+            return Prediction(turned, camera, chart, w, np.broadcast_to(np.eye(2), (len(w), 2, 2)), seen.image - w)
         g, gradient = self.basis.combine(state.weights, w)
         return Prediction(turned, camera, chart, w, np.eye(2) + gradient, seen.image - w - g)
 
@@ -128,7 +130,7 @@ class Model:
         if len(self.basis):
             by_ray, by_beta = at.slope @ by_ray, at.slope @ by_beta
         by_camera = by_ray @ self.trend.chart.coordinate_jacobian(at.camera)
-        by_eta = by_camera @ state.rotations[seen.view] @ self.shape.jacobian(seen.lattice)
+        by_eta = self.shape.slopes(by_camera @ state.rotations[seen.view], seen.lattice)
         shared = np.concatenate([by_beta, by_eta], axis=2)
         by_turn = np.cross(at.turned[:, None, :], by_camera)
         return Linearisation(self.basis.values(at.undisplaced), shared, np.concatenate([by_turn, by_camera], axis=2))

@@ -51,14 +51,14 @@ class BoardShape:
         height = self._monomials(lattice) @ eta[:HEIGHTS] if self.bends else np.zeros(len(lattice))
         return np.column_stack([lattice[:, 0], lattice[:, 1] * (1.0 + self.stretch(eta)), height])
 
-    def jacobian(self, lattice: Floats) -> Floats:
-        """∂ points/∂η, (n, 3, η)."""
-        jacobian = np.zeros((len(lattice), 3, len(self.prior_std)))
+    def slopes(self, by_point: Floats, lattice: Floats) -> Floats:
+        """The derivatives (n, m, η) by η of what has the derivatives ``by_point`` (n, m, 3) by the board's points."""
+        slopes = np.empty((*by_point.shape[:2], len(self.prior_std)))
         if self.bends:
-            jacobian[:, 2, :HEIGHTS] = self._monomials(lattice)
+            np.multiply(by_point[:, :, 2:], self._monomials(lattice)[:, None], out=slopes[:, :, :HEIGHTS])
         if self.stretches:
-            jacobian[:, 1, -1] = lattice[:, 1]
-        return jacobian
+            np.multiply(by_point[:, :, 1], lattice[:, 1:], out=slopes[:, :, -1])
+        return slopes
 
     def stretch(self, eta: Floats) -> float:
         """ε: how much longer y's squares are than x's, as a fraction."""

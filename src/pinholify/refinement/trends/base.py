@@ -177,8 +177,14 @@ class Search:
 
 def inverse_2x2(matrices: Floats) -> Floats:
     """Inverses of ``matrices`` (n, 2, 2), far quicker than the general routine."""
-    a, b, c, d = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1]
+    return np.moveaxis(inverse_of_parts(np.moveaxis(matrices, 0, 2)), 2, 0)
+
+
+def inverse_of_parts(matrices: Floats) -> Floats:
+    """Inverses of ``matrices`` (2, 2, n)."""
+    (a, b), (c, d) = matrices
+    inverse = np.empty((2, 2, len(a)))
+    inverse[0, 0], inverse[0, 1], inverse[1, 0], inverse[1, 1] = d, -b, -c, a
     with np.errstate(divide="ignore", invalid="ignore"):
-        determinant = a * d - b * c
-        rows = np.stack([np.stack([d, -b], axis=1), np.stack([-c, a], axis=1)], axis=1)
-        return np.asarray(rows / determinant[:, None, None])
+        inverse /= a * d - b * c
+    return inverse
