@@ -203,15 +203,17 @@ def _noise_std(
     """
     rng = np.random.default_rng(0)
     uv = np.concatenate([b.uv for b in boards])
-    shifts = np.zeros((DRAWS, *uv.shape)) if fitted is None else fitted.map.noise_response(uv, DRAWS, rng)
+    shifts = np.zeros((DRAWS, 0, 2)) if fitted is None else fitted.map.noise_response(uv, DRAWS, rng)
     drawn = np.empty((DRAWS, *homographies.shape))
     ends = np.cumsum([len(b.uv) for b in boards])
     for i, (board, common) in enumerate(zip(boards, np.split(shifts, ends[:-1], axis=1), strict=True)):
-        own = board.misfit_px / np.sqrt(2.0) * rng.standard_normal(common.shape)
-        back = np.linalg.inv(board.whitening)
-        shift = common + back[:, :, 0] * own[:, :, :1] + back[:, :, 1] * own[:, :, 1:]
         response = homography_response(board.homography, board.lattice, board.whitening)
-        drawn[:, i] = board.homography + (shift.reshape(DRAWS, -1) @ response.T).reshape(DRAWS, 3, 3)
+        by_px = response.reshape(-1, len(board.uv), 2).transpose(1, 0, 2) @ np.linalg.inv(board.whitening)
+        own = by_px.transpose(0, 2, 1).reshape(-1, len(response)) * board.misfit_px / np.sqrt(2.0)
+        moved = rng.standard_normal((DRAWS, len(response))) @ np.linalg.qr(own, mode="r")  # as all corners' noise would
+        if fitted is not None:
+            moved += common.reshape(DRAWS, -1) @ response.T
+        drawn[:, i] = board.homography + moved.reshape(DRAWS, 3, 3)
     values, _, valid = solve(drawn, plane)
     return np.full(3, np.inf) if valid.mean() < 0.9 else np.asarray(values[valid].std(axis=0, ddof=1))
 

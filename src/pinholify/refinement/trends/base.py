@@ -177,7 +177,7 @@ class Search:
 
 def inverse_2x2(matrices: Floats) -> Floats:
     """Inverses of ``matrices`` (n, 2, 2), far quicker than the general routine."""
-    return np.moveaxis(inverse_of_parts(np.moveaxis(matrices, 0, 2)), 2, 0)
+    return inverse_of_parts(matrices.transpose(1, 2, 0)).transpose(2, 0, 1)
 
 
 def inverse_of_parts(matrices: Floats) -> Floats:

@@ -101,7 +101,8 @@ class Radial:
 
     def _polynomial(self, r2: Floats) -> tuple[Floats, Floats]:
         """1 + Σ k r²ⁱ and its derivative by r², by Horner's rule."""
-        value, slope = np.zeros_like(r2), np.zeros_like(r2)
+        value: Floats = np.zeros_like(r2)
+        slope: Floats = value
         for coefficient in self.k[::-1]:
             slope = slope * r2 + value
             value = value * r2 + coefficient
@@ -114,7 +115,7 @@ class Radial:
 
     def jacobian(self, d: Floats) -> Floats:
         """∂R/∂d, (n, 2, 2)."""
-        return np.moveaxis(self.jacobian_parts(d.T), 2, 0)
+        return self.jacobian_parts(d.T).transpose(2, 0, 1)
 
     def jacobian_parts(self, d: Floats) -> Floats:
         """∂R/∂d at ``d`` (2, n): (2, 2, n)."""
@@ -381,7 +382,7 @@ class LensTrend:
             columns[:, :3] = -_products(by_ray, p.matrix_columns(p.radial.value(d.T).T))
             columns[:, 7:] = -_products(inner, p.radial.shape_jacobian(d, bent=self.decentred))
         columns[:, 3:5], columns[:, 5:7] = np.eye(2)[:, :, None], -by_ray
-        return np.moveaxis(by_ray, 2, 0), np.moveaxis(columns[:, self._free], 2, 0)
+        return by_ray.transpose(2, 0, 1), columns[:, self._free].transpose(2, 0, 1)
 
     def folds(self, beta: Floats, points: Floats) -> bool:
         """Whether the radial part turns back, or the rays end, nearer to the centre than the farthest of ``points``."""
