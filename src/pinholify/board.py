@@ -38,6 +38,11 @@ class Board(Protocol):
         ...
 
     @property
+    def counted(self) -> str:
+        """What the numbers of :attr:`spec` count."""
+        ...
+
+    @property
     def orientable(self) -> bool:
         """Whether a picture tells the board from the same board turned by 180°."""
         ...
@@ -67,6 +72,11 @@ class Checkerboard:
     def spec(self) -> str:
         """``"15x9"``."""
         return f"{self.columns}x{self.rows}"
+
+    @property
+    def counted(self) -> str:
+        """What the numbers of :attr:`spec` count."""
+        return "inner corners, columns x rows"
 
     @property
     def orientable(self) -> bool:
@@ -121,6 +131,11 @@ class Charuco:
     def spec(self) -> str:
         """``"charuco:9x7:DICT_4X4_100:0.5"``, in squares."""
         return f"charuco:{self.columns + 1}x{self.rows + 1}:{self.dictionary}:{self.marker:g}"
+
+    @property
+    def counted(self) -> str:
+        """What the numbers of :attr:`spec` count."""
+        return "squares, columns x rows, markers and marker ÷ square"
 
     @property
     def orientable(self) -> bool:
@@ -186,6 +201,11 @@ class AprilGrid:
         return f"aprilgrid:{self.across}x{self.down}:{self.family}:{self.gap:g}"
 
     @property
+    def counted(self) -> str:
+        """What the numbers of :attr:`spec` count."""
+        return "tags, columns x rows, family and gap ÷ tag"
+
+    @property
     def orientable(self) -> bool:
         """Always: each tag is known by itself."""
         return True
@@ -233,6 +253,11 @@ class CircleGrid:
         return ":".join(parts + [f"{self.diameter:g}"] * (self.diameter != 0.5))
 
     @property
+    def counted(self) -> str:
+        """What the numbers of :attr:`spec` count."""
+        return "circles, columns x rows, and whether asymmetric"
+
+    @property
     def orientable(self) -> bool:
         """True for an asymmetric grid of an odd number of rows: a half turn moves its rows sideways."""
         return self.asymmetric and self.rows % 2 == 1
@@ -276,6 +301,11 @@ class Screen:
     def spec(self) -> str:
         """``"gray:1920x1080:16"``: the screen's size and the spacing of the nodes, px."""
         return f"gray:{self.width}x{self.height}:{self.spacing}"
+
+    @property
+    def counted(self) -> str:
+        """What the numbers of :attr:`spec` count."""
+        return "pixels of the screen"
 
     @property
     def orientable(self) -> bool:

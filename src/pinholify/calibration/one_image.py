@@ -96,7 +96,7 @@ def reference_view(corner_set: CornerSet, name: str | None) -> Corners:
     if not corner_set.found:
         raise CalibrationError(
             f"no {corner_set.board.spec} board was found in any of the {len(corner_set.views)} images: "
-            "check the board's size (inner corners, columns x rows) and that it is sharp and wholly visible"
+            f"check the board's size ({corner_set.board.counted}) and that it is sharp and wholly visible"
         )
     view = max(corner_set.found, key=coverage) if name is None else _named(corner_set, name)
     if len(view) < MINIMUM_REFERENCE_CORNERS:

@@ -175,7 +175,7 @@ def _too_few(corners: CornerSet, needed: int, reason: str, names: list[str]) -> 
         what = f"a {spec} board was found in {found} of the {total} images where {needed} are needed"
     count = "" if len(names) == total else f"{_listed(names)}: "
     return (
-        f"{what} ({count}{reason}); check the board's size (inner corners, columns x rows) and that it is sharp and "
+        f"{what} ({count}{reason}); check the board's size ({corners.board.counted}) and that it is sharp and "
         "well lit"
     )
 

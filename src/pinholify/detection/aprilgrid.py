@@ -58,7 +58,7 @@ def detect_aprilgrid(image: NDArray[Any], board: AprilGrid, *, name: str) -> Cor
             found = _of_tags(picture, tags, board, name)
             return replace(found, uv=found.uv * [-1, 1] + [grey.shape[1] - 1, 0]) if flipped else found
     other = other_family(grey, board)
-    return not_found(name, f"no tag of a {board.spec} board was read" + f", but tags of {other}" * bool(other))
+    return not_found(name, f"no tag of the board {board.spec} was read" + f", but tags of {other}" * bool(other))
 
 
 def _of_tags(grey: Grey, tags: Tags, board: AprilGrid, name: str) -> Corners:
@@ -75,7 +75,7 @@ def _of_tags(grey: Grey, tags: Tags, board: AprilGrid, name: str) -> Corners:
         return not_found(name, _no_crossings(len(tags), board))
     fitted = refine_lattice(grey, grown, grid.fine)
     if len(fitted) < FEWEST:
-        return not_found(name, f"only {len(fitted)} corners of a {board.spec} board were found")
+        return not_found(name, f"only {len(fitted)} corners of the board {board.spec} were found")
     if len(fitted) >= FEWEST_FOR_GAP and abs((gap := _fine_gap(fitted, board)) - board.gap) > FINE_GAP:
         return not_found(name, _other_gap(gap, board))
     ids = fitted.ids(board)
@@ -91,7 +91,7 @@ def _other_gap(gap: float, board: AprilGrid) -> str:
 def _no_crossings(tags: int, board: AprilGrid) -> str:
     read = "1 tag was read" if tags == 1 else f"{tags} tags were read"
     return (
-        f"{read}, but too few corners of a {board.spec} board were found: its tags need the described gap between them "
+        f"{read}, but too few corners of the board {board.spec} were found: its tags need the described gap between them "
         "and the black squares between their corners, as Kalibr and 'pinholify board' print them"
     )
 

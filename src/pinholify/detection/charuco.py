@@ -54,15 +54,15 @@ def detect_charuco(image: NDArray[Any], board: Charuco, *, name: str) -> Corners
     if read is None:
         other = _other_dictionary(grey, board)
         return not_found(
-            name, f"too few markers of a {board.spec} board were found" + f", but those of {other}" * bool(other)
+            name, f"too few markers of the board {board.spec} were found" + f", but those of {other}" * bool(other)
         )
     growing = grower(grey, find_candidates(grey), beside=min(BESIDE, (1.0 - board.marker) / 4.0))
     seed = _seed(growing, read)
     if len(seed) < FEWEST:
-        return not_found(name, f"markers of a {board.spec} board were read, but only {len(seed)} corners beside them")
+        return not_found(name, f"markers of the board {board.spec} were read, but only {len(seed)} corners beside them")
     fitted = refine_lattice(grey, _on_board(growing.grow(seed), board))
     if len(fitted) < FEWEST:
-        return not_found(name, f"only {len(fitted)} corners of a {board.spec} board were found")
+        return not_found(name, f"only {len(fitted)} corners of the board {board.spec} were found")
     uv = fitted.uv * [-1, 1] + [grey.shape[1] - 1, 0] if flipped else fitted.uv
     ids = fitted.ids(board)
     order = np.argsort(ids)
