@@ -91,8 +91,8 @@ def _other_gap(gap: float, board: AprilGrid) -> str:
 def _no_crossings(tags: int, board: AprilGrid) -> str:
     read = "1 tag was read" if tags == 1 else f"{tags} tags were read"
     return (
-        f"{read}, but too few corners of the board {board.spec} were found: its tags need the described gap between them "
-        "and the black squares between their corners, as Kalibr and 'pinholify board' print them"
+        f"{read}, but too few corners of the board {board.spec} were found: its tags need the described gap between "
+        "them and the black squares between their corners, as Kalibr and 'pinholify board' print them"
     )
 
 
