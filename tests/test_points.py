@@ -287,7 +287,7 @@ def test_many_points_of_a_wide_lens_there_and_back():
     )
     uv = np.random.default_rng(4).uniform([0.0, 0.0], [639.0, 479.0], (MANY, 1, 2))
     angles = (uv[:, 0] - K[:2, 2]) / 200.0
-    np.testing.assert_allclose(pixel_rays(uv, wide)[:, 0], wide.chart.directions(angles), atol=1e-6)
+    np.testing.assert_allclose(pixel_rays(uv, wide, tolerance=2e-4)[:, 0], wide.chart.directions(angles), atol=1e-6)
     plane = undistort_points(uv, wide)
     ahead = np.linalg.norm(angles, axis=1) < np.pi / 2
     np.testing.assert_array_equal(np.isfinite(plane[:, 0]).all(axis=1), ahead)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pinholify.points import undistort_points, undistortion_table
-from pinholify.tables import PointTable, point_table
+from pinholify.tables import TILES, point_table
 
 SIZE = (640, 400)
 
@@ -51,8 +51,30 @@ def test_a_quadratic_is_exact_in_the_coarsest_table():
         return np.stack([1 + 2 * u - v + u * v - 3 * u**2 + v**2 * u**2, u - 5 * v + v**2 - u**2 * v], axis=1)
 
     table = point_table(quadratic, SIZE, tolerance=1e-9)
-    assert table.cells.shape == (20, 32, 9)
+    assert (table.splits == 1).all()
     np.testing.assert_allclose(table(pixels()), quadratic(pixels()), atol=1e-12)
+
+
+def test_cells_are_small_only_where_the_map_bends():
+    def bump(uv):
+        return uv + 4.0 * np.exp(-(((uv - [520.0, 90.0]) / 25.0) ** 2).sum(axis=1, keepdims=True))
+
+    exact, asked = told(bump)
+    table = point_table(exact, SIZE, of_answer=True)
+    splits = table.splits.reshape(TILES, TILES)
+    row, column = np.nonzero(splits > 1)
+    place = np.column_stack([column + 0.5, row + 0.5]) * np.array(SIZE) / TILES
+    assert 0.02 < (splits > 1).mean() < 0.3
+    assert np.linalg.norm(place - [520.0, 90.0], axis=1).max() < 120.0
+    assert sum(asked) < 30_000
+    assert np.abs(table(pixels()) - bump(pixels())).max() < 1.5e-3
+
+
+def test_a_smooth_map_is_asked_for_few_of_its_values():
+    exact, asked = told(lambda uv: uv + 3.0 * np.sin(uv[:, ::-1] / 300.0))
+    table = point_table(exact, SIZE)
+    np.testing.assert_allclose(table(pixels()), exact(pixels()), atol=1e-3)
+    assert asked == [24 * 24, len(pixels())]
 
 
 def test_what_no_table_holds_is_asked_of_the_map():
@@ -78,8 +100,7 @@ def test_what_is_outside_or_does_not_exist():
 
 @pytest.mark.parametrize("shape", [(7, 2), (7, 1, 2), (1, 7, 2), (0, 2), (2,)])
 def test_shapes_are_kept(shape):
-    table = PointTable(bent, SIZE, point_table(bent, SIZE).cells)
-    assert table(np.full(shape, 30.0, dtype=np.float32)).shape == shape
+    assert point_table(bent, SIZE)(np.full(shape, 30.0, dtype=np.float32)).shape == shape
 
 
 def test_undistortion_within_a_thousandth_of_a_pixel(barrel_calibration):

@@ -52,7 +52,7 @@ class Region:
 
     def nodes(self) -> Floats:
         """Its Chebyshev nodes (NODES², 2), row-major; they reach slightly beyond no edge."""
-        t = _nodes()
+        t = nodes()
         x = (self.left + self.right - 1) / 2.0 + t * (self.right - 1 - self.left) / 2.0
         y = (self.top + self.bottom - 1) / 2.0 + t * (self.bottom - 1 - self.top) / 2.0
         return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -109,21 +109,20 @@ def _fill_by_nodes(
 ) -> list[Region]:
     """Fill the regions that converge; the quarters of those that do not are returned."""
     values = function(np.concatenate([r.nodes() for r in regions])).reshape(len(regions), NODES, NODES, -1)
-    transform = _transform()
     with np.errstate(invalid="ignore"):
-        coefficients = np.einsum("ai,rijk,bj->rkab", transform, values, transform, optimize=True)
+        coefficients = to_coefficients(values)
     rest: list[Region] = []
     for region, value, coefficient in zip(regions, values, coefficients, strict=True):
         if not wanted(value).any():
             region.of(out)[...] = np.nan
-        elif np.isfinite(value).all() and _tail(coefficient) <= tolerance:
+        elif np.isfinite(value).all() and tail(coefficient) <= tolerance:
             _evaluate(coefficient, region.of(out))
         else:
             rest += region.quarters()
     return rest
 
 
-def _tail(coefficient: Floats) -> float:
+def tail(coefficient: Floats) -> float:
     """Sum of the sizes of the highest orders in either direction: what a few more orders would still add."""
     size = np.abs(coefficient)
     return float(max(size[:, -TAIL:].sum(axis=(1, 2)).max(), size[:, :, -TAIL:].sum(axis=(1, 2)).max()))
@@ -132,25 +131,26 @@ def _tail(coefficient: Floats) -> float:
 def _evaluate(coefficient: Floats, part: NDArray[Any]) -> None:
     """The expansion of ``coefficient`` (outputs, NODES, NODES) at every pixel, written into ``part`` in place."""
     _, height, width = part.shape
-    rows, columns = _chebyshev(height, part.dtype), _chebyshev(width, part.dtype)
+    rows, columns = chebyshev(height, part.dtype), chebyshev(width, part.dtype)
     for plane, c in zip(part, coefficient.astype(part.dtype), strict=True):
         np.matmul(rows @ c, columns.T, out=plane)
 
 
-def _nodes() -> Floats:
+def nodes() -> Floats:
+    """The Chebyshev nodes of [−1, 1], (NODES,)."""
     return np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 
 
-def _transform() -> Floats:
-    """Values at the nodes → Chebyshev coefficients (NODES, NODES)."""
+def to_coefficients(values: Floats) -> Floats:
+    """Chebyshev coefficients (n, outputs, NODES, NODES) of n maps by their ``values`` (n, NODES, NODES, outputs)."""
     order = np.arange(NODES)[:, None]
     matrix = 2.0 / NODES * np.cos(np.pi * order * (np.arange(NODES) + 0.5) / NODES)
     matrix[0] /= 2.0
-    return matrix
+    return np.asarray(matrix @ np.moveaxis(values, -1, 1) @ matrix.T)
 
 
 @lru_cache(maxsize=16)
-def _chebyshev(count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+def chebyshev(count: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """Chebyshev polynomials at ``count`` equally spaced points of [−1, 1]: (count, NODES)."""
     t = np.linspace(-1.0, 1.0, count) if count > 1 else np.zeros(1)
     values = np.cos(np.arange(NODES) * np.arccos(t)[:, None]).astype(dtype)

@@ -11,8 +11,9 @@ table is made when it is first needed and kept for the next call.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,9 @@ from pinholify.arrays import Floats
 from pinholify.calibration.observation import sighting_of
 from pinholify.calibration.poses import refine_pose
 from pinholify.camera import VirtualCamera, virtual
-from pinholify.charts import angles_to_directions, directions_to_angles
 from pinholify.errors import InputError
 from pinholify.geometry import Pose, homogeneous
-from pinholify.tables import PointTable, point_table
+from pinholify.tables import BLOCK, PointMap, PointTable, point_table
 
 FEWEST_POINTS = 4
 MANY = 20_000
@@ -50,9 +50,7 @@ def undistort_points(
     the axis of R and beyond.
     """
     given, uv = _rows(src, 2)
-    if len(uv) >= MANY and tolerance > 0.0:
-        return _shaped(undistortion_table(camera, R, P, tolerance=tolerance)(uv), given, 2)
-    return _shaped(_on_plane(pixel_rays(uv, camera, R, tolerance=tolerance), _matrix(P)), given, 2)
+    return _shaped(_undistorted(uv, _sight(camera, len(uv), tolerance), _rotation(R), _matrix(P)), given, 2)
 
 
 def undistort_points_jacobian(
@@ -67,9 +65,15 @@ def undistort_points_jacobian(
 
 def undistortion_table(
     camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None, *, tolerance: float = 1e-3
-) -> PointTable:
+) -> Callable[[ArrayLike], Floats]:
     """:func:`undistort_points` for many points: call the table with ``src``; right to ``tolerance`` px of the image."""
-    return _undistortion_table(virtual(camera), _rotation(R).tobytes(), _matrix(P).tobytes(), tolerance)
+    sight, turn, matrix = _tabulated_sight(virtual(camera), tolerance), _rotation(R), _matrix(P)
+
+    def table(src: ArrayLike) -> Floats:
+        given, uv = _rows(src, 2)
+        return _shaped(_undistorted(uv, sight, turn, matrix), given, 2)
+
+    return table
 
 
 def distort_points(
@@ -105,13 +109,10 @@ def pixel_rays(
 ) -> Floats:
     """Unit directions (…, 3) in which the pixels ``src`` (…, 2) look."""
     given, uv = _rows(src, 2)
-    directions = np.full((len(uv), 3), np.nan)
-    known = np.isfinite(uv).all(axis=1)
-    if known.any():
-        tabulated = len(uv) >= MANY and tolerance > 0.0
-        value = _coordinate_table(virtual(camera), tolerance) if tabulated else virtual(camera).plane_map.value
-        directions[known] = camera.chart.directions(value(uv[known]))
-    return _shaped(directions @ _rotation(R).T, given, 3)
+    turn = _rotation(R)
+    return _shaped(
+        _seen(_sight(camera, len(uv), tolerance), uv, np.empty((len(uv), 3)), lambda rays: rays @ turn.T), given, 3
+    )
 
 
 def pixel_rays_jacobian(src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None) -> Floats:
@@ -246,10 +247,10 @@ def _vector(values: ArrayLike, name: str) -> Floats:
 
 def _on_plane(rays: Floats, matrix: Floats) -> Floats:
     """Points (n, 2) of the plane of ``matrix`` (3, 3) that unit ``rays`` (n, 3) meet; nan for those that do not."""
+    x, y, w = matrix @ rays.T
     with np.errstate(invalid="ignore"):
-        z = np.where(rays[:, 2:] > 0, rays[:, 2:], np.nan)
-    plane = np.concatenate([rays[:, :2] / z, np.ones_like(z)], axis=1) @ matrix.T
-    return np.asarray(plane[:, :2] / plane[:, 2:])
+        w[~(rays[:, 2] > 0)] = np.nan
+    return np.stack([x / w, y / w], axis=1)
 
 
 def _plane_jacobian(rays: Floats, matrix: Floats) -> Floats:
@@ -296,59 +297,114 @@ def _left_jacobian(vector: Floats) -> Floats:
 # --- tables ------------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sight:
+    """What pixels (n, 2) see: ``coordinates`` (n, 2) of rays, which ``directions`` makes unit vectors (n, 3) of."""
+
+    coordinates: PointMap
+    directions: Callable[[Floats], Floats]
+
+
+def _sight(camera: VirtualCamera, count: int, tolerance: float) -> _Sight:
+    """The camera's own map, or for many pixels the table of what it says."""
+    if count >= MANY and tolerance > 0.0:
+        return _tabulated_sight(virtual(camera), tolerance)
+    return _Sight(partial(_coordinates, virtual(camera)), camera.chart.directions)
+
+
+def _coordinates(camera: VirtualCamera, uv: Floats) -> Floats:
+    """Chart coordinates of pixels; nan for those that are no numbers."""
+    q, known = np.full(uv.shape, np.nan), np.isfinite(uv).all(axis=1)
+    if known.any():
+        q[known] = camera.plane_map.value(uv[known])
+    return q
+
+
 @lru_cache(maxsize=TABLES)
-def _undistortion_table(camera: VirtualCamera, rotation: bytes, matrix: bytes, tolerance: float) -> PointTable:
-    R, P = (np.frombuffer(m).reshape(3, 3) for m in (rotation, matrix))
+def _tabulated_sight(camera: VirtualCamera, tolerance: float) -> _Sight:
+    """Stereographic coordinates, which a table holds far better than those of a plane: they have no end at 90°."""
+    sphere = _sphere(camera)
 
-    def undistorted(uv: Floats, ray_tolerance: float) -> Floats:
-        return _on_plane(pixel_rays(uv, camera, R, tolerance=ray_tolerance), P)
+    def coordinates(uv: Floats) -> Floats:
+        return sphere.coordinates(camera.chart.directions(_coordinates(camera, uv)))
 
-    table = point_table(lambda uv: undistorted(uv, 0.0), camera.image_size, tolerance=tolerance)
-    # What cannot be tabulated, towards 90° from the axis, at least has rays that can.
-    return replace(table, exact=lambda uv: undistorted(uv, tolerance))
+    return _Sight(point_table(coordinates, camera.image_size, tolerance=tolerance), sphere.directions)
 
 
-@lru_cache(maxsize=TABLES)
-def _coordinate_table(camera: VirtualCamera, tolerance: float) -> PointTable:
-    """Chart coordinates of pixels."""
-    return point_table(camera.plane_map.value, camera.image_size, tolerance=tolerance)
+def _seen(sight: _Sight, uv: Floats, out: Floats, finish: Callable[[Floats], Floats]) -> Floats:
+    """``out`` (n, m) with what ``finish`` makes of the directions (n, 3) of pixels ``uv`` (n, 2), block by block."""
+    coordinates = sight.coordinates(uv)
+    for start in range(0, len(uv), BLOCK):
+        block = slice(start, start + BLOCK)
+        out[block] = finish(sight.directions(coordinates[block]))
+    return out
+
+
+def _undistorted(uv: Floats, sight: _Sight, turn: Floats, matrix: Floats) -> Floats:
+    return _seen(sight, uv, np.empty_like(uv), lambda rays: _on_plane((turn @ rays.T).T, matrix))
 
 
 def _pixels_of(camera: VirtualCamera, xyz: Floats, tolerance: float) -> Floats:
     """Pixels (n, 2) of directions ``xyz`` (n, 3), by table."""
-    frame = _angle_frame(camera)
-    return _pixel_table(camera, tolerance)((directions_to_angles(xyz @ frame.rotation.T) - frame.low) / frame.px)
+    box = _box(camera)
+    return _pixel_table(camera, tolerance)((_sphere(camera).coordinates(xyz) - box.low) / box.px)
 
 
 @lru_cache(maxsize=TABLES)
 def _pixel_table(camera: VirtualCamera, tolerance: float) -> PointTable:
-    """Pixels of angles, these counted as in :class:`_AngleFrame`."""
-    frame = _angle_frame(camera)
+    """Pixels of stereographic coordinates, these counted as in :class:`_Box`."""
+    sphere, box = _sphere(camera), _box(camera)
 
     def pixels(place: Floats) -> Floats:
-        return camera.project(angles_to_directions(place * frame.px + frame.low) @ frame.rotation)
+        return camera.project(sphere.directions(place * box.px + box.low))
 
     return point_table(pixels, camera.image_size, tolerance=tolerance, of_answer=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _AngleFrame:
-    """Azimuthal equidistant angles about the middle of what a camera sees, nearly linear in its pixels.
+class _Sphere:
+    """Stereographic coordinates about the middle of what a camera sees: smooth all around, but straight behind.
 
-    ``rotation`` (3, 3) takes its directions to that frame; ``low`` (2,) is the least angle in the image and ``px`` (2,)
-    about what a px makes.
+    ``rotation`` (3, 3) takes directions to where that middle is the z axis.
     """
 
     rotation: Floats
+
+    def coordinates(self, xyz: Floats) -> Floats:
+        """(x, y) / (‖xyz‖ + z), (n, 2)."""
+        x, y, z = self.rotation @ xyz.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.stack([x, y], axis=1) / (np.sqrt(x**2 + y**2 + z**2) + z)[:, None])
+
+    def directions(self, s: Floats) -> Floats:
+        """Unit vectors (n, 3)."""
+        x, y = s.T
+        square = x**2 + y**2
+        return np.asarray((self.rotation.T @ (np.stack([2.0 * x, 2.0 * y, 1.0 - square]) / (1.0 + square))).T)
+
+
+@lru_cache(maxsize=TABLES)
+def _sphere(camera: VirtualCamera) -> _Sphere:
+    directions = _across_the_image(camera)
+    return _Sphere(Rotation.align_vectors([[0.0, 0.0, 1.0]], [np.nanmean(directions, axis=0)])[0].as_matrix())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Box:
+    """What a camera sees in its :class:`_Sphere`'s coordinates: ``low`` (2,) are the least, ``px`` (2,) make a px."""
+
     low: Floats
     px: Floats
 
 
 @lru_cache(maxsize=TABLES)
-def _angle_frame(camera: VirtualCamera) -> _AngleFrame:
+def _box(camera: VirtualCamera) -> _Box:
+    seen = _sphere(camera).coordinates(_across_the_image(camera))
+    low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
+    return _Box(low, (high - low) / camera.image_size)
+
+
+def _across_the_image(camera: VirtualCamera) -> Floats:
+    """Unit directions (n, 3) of pixels all over the image."""
     u, v = (np.linspace(-0.5, n - 0.5, SAMPLES) for n in camera.image_size)
-    directions = camera.chart.directions(camera.plane_map.value(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)))
-    rotation = Rotation.align_vectors([[0.0, 0.0, 1.0]], [directions.mean(axis=0)])[0].as_matrix()
-    angles = directions_to_angles(directions @ rotation.T)
-    low, high = angles.min(axis=0), angles.max(axis=0)
-    return _AngleFrame(rotation, low, (high - low) / camera.image_size)
+    return camera.chart.directions(camera.plane_map.value(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)))

@@ -1,90 +1,110 @@
 """A smooth map of the image kept as a table of cells: tens of millions of points a second.
 
-Each cell holds the biquadratic polynomial through nine values (Abramowitz & Stegun, 25.2.11, along both axes);
-neighbours share the values on their edge, so the whole is continuous. The values come from a Chebyshev expansion, so
-the map itself is asked for few of them. What a table cannot hold to its tolerance, and what lies outside the image, is
-asked of the map itself.
+Each cell holds the biquadratic polynomial through nine values (Abramowitz & Stegun, 25.2.11, along both axes). Where
+the map bends more, cells are smaller: the image is divided into tiles and each of them into as many cells as it needs.
+The values come from Chebyshev expansions of parts of the image, so the map itself is asked for few of them. What a
+table cannot hold to its tolerance, and what lies outside the image, is asked of the map itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinholify.arrays import Floats
-from pinholify.expansion import expand
-from pinholify.gp.trends.base import solve_2x2
+from pinholify.arrays import Bools, Floats, Ints
+from pinholify.expansion import NODES, chebyshev, nodes, tail, to_coefficients
 
-FIRST_CELLS, MOST_CELLS = 32, 512
-"""Cells along the longer side, at first and at most."""
+HALVINGS = 6
+"""How often the image is halved along both axes, down to a tile."""
 
-ENOUGH = 0.995
-"""Share of the cells within the tolerance at which a finer table is not tried."""
+TILES = 1 << HALVINGS
+"""Along each side of the image."""
 
-MOST = 0.9
-"""Share of the cells that tell how much finer the next table is."""
+MOST_SPLITS, MOST_CELLS = 16, 512
+"""Cells along a side of a tile, and of a part of the image that one expansion holds, at most."""
 
-EXPANSION = 0.1
-"""Share of the tolerance that is left to the expansion."""
+EXPANSION = 0.5
+"""Share of the tolerance that the highest orders of an expansion may come to; its error is a tenth of them or less."""
+
+AT_ONCE = 8
+"""Expansions that are made at a time."""
 
 BLOCK = 8192
 """Points looked up at a time: what this many need stays in the processor's cache."""
 
-WORST = 0.5 - 0.5 / np.sqrt(3.0)
-"""Where in a cell a quadratic's error is largest."""
-
 MONOMIALS = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
 """Values at 0, ½ and 1 → coefficients of 1, x and x²."""
 
+QUARTER = np.array([1.0, 1.0 / 4.0, 1.0 / 16.0]) @ MONOMIALS
+"""Values at 0, ½ and 1 → that of the quadratic at ¼."""
+
+WORST = 16.0 / (9.0 * np.sqrt(3.0))
+"""How much larger than at ¼ a quadratic's error is where it is largest, at ½ − ½/√3."""
+
 PointMap = Callable[[Floats], Floats]
 """(n, 2) px → (n, 2), nan where there is no answer."""
+
+Complexes = NDArray[np.complex128]
+"""A map's two answers are one complex number here, so that both are worked out in one go."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointTable:
     """``exact`` over an image of ``image_size`` (width, height) px, tabulated; call it with pixels (…, 2).
 
-    ``cells`` (rows, columns, 9) are each cell's coefficients for 1, x, x², y, xy, x²y, y², xy², x²y², the two answers
-    being real and imaginary part; nan where ``exact`` is to be asked.
+    ``splits`` (TILES²,) says of each tile, row by row, into how many cells its sides are divided, ``first`` (TILES²,)
+    which is the first of them. ``cells`` (n, 9) are each cell's coefficients for 1, x, x², y, xy, x²y, y², xy², x²y²;
+    nan where ``exact`` is to be asked.
     """
 
     exact: PointMap
     image_size: tuple[int, int]
-    cells: NDArray[np.complex128]
+    splits: Ints
+    first: Ints
+    cells: Complexes
 
     def __call__(self, src: ArrayLike) -> Floats:
         """What ``exact`` says of the pixels ``src`` (…, 2), in their shape, within the table's tolerance."""
         given = np.asarray(src, dtype=np.float64)
         uv = given.reshape(-1, 2)
-        out = np.empty(uv.shape)
+        found = np.empty(len(uv), dtype=np.complex128)
         for start in range(0, len(uv), BLOCK):
-            self._look_up(uv[start : start + BLOCK], out[start : start + BLOCK])
+            found[start : start + BLOCK] = self._look_up(uv[start : start + BLOCK])
+        out = found.view(np.float64).reshape(uv.shape)
         missing = np.isnan(out[:, 0])
         if missing.any():
             out[missing] = self.exact(uv[missing])
         return out.reshape(given.shape)
 
-    def _look_up(self, uv: Floats, out: Floats) -> None:
-        """The table's answer to ``uv`` (n, 2), written into ``out`` (n, 2); nan outside the image."""
-        rows, columns, _ = self.cells.shape
-        width, height = self.image_size
-        x, y = (uv[:, 0] + 0.5) * (columns / width), (uv[:, 1] + 0.5) * (rows / height)
-        outside = ~((x >= 0) & (x < columns) & (y >= 0) & (y < rows))
+    def _look_up(self, uv: Floats) -> Complexes:
+        """The table's answer (n,) to ``uv`` (n, 2); nan outside the image."""
+        x, y = (uv[:, k] * (TILES / n) + 0.5 * TILES / n for k, n in enumerate(self.image_size))
+        outside = ~((x >= 0) & (x < TILES) & (y >= 0) & (y < TILES))
         x[outside] = y[outside] = 0.0
-        column, row = x.astype(np.intp), y.astype(np.intp)
-        x -= column
-        y -= row
-        c = self.cells.reshape(-1, 9).take(row * columns + column, axis=0, mode="clip")
-        # As complex numbers both answers are worked out in one go.
+        column, row = _whole(x), _whole(y)
+        tile = row * TILES + column
+        splits = self.splits.take(tile)
+        x *= splits
+        y *= splits
+        column, row = _whole(x), _whole(y)
+        c = self.cells.take(self.first.take(tile) + row * splits + column, axis=0, mode="clip")
         found = _quadratic([_quadratic([c[:, i + k] for k in range(3)], x) for i in (0, 3, 6)], y)
         found[outside] = np.nan
-        out[:, 0], out[:, 1] = found.real, found.imag
+        return found
 
 
-def _quadratic(coefficients: list[NDArray[np.complex128]], x: Floats) -> NDArray[np.complex128]:
+def _whole(x: Floats) -> Ints:
+    """The whole parts of ``x`` (n,), which keeps the rest."""
+    whole = x.astype(np.intp)
+    x -= whole
+    return whole
+
+
+def _quadratic(coefficients: list[Complexes], x: Floats) -> Complexes:
     """c₀ + c₁x + c₂x² of three arrays (n,)."""
     value = coefficients[2] * x
     value += coefficients[1]
@@ -96,63 +116,163 @@ def _quadratic(coefficients: list[NDArray[np.complex128]], x: Floats) -> NDArray
 def point_table(
     exact: PointMap, image_size: tuple[int, int], *, tolerance: float = 1e-3, of_answer: bool = False
 ) -> PointTable:
-    """A table of ``exact``, right to ``tolerance`` px of the image: cells are made smaller until nearly all are.
+    """A table of ``exact``, right to ``tolerance`` px of the image: of the largest cells that are so good.
 
     An error of the answer counts as the shift of the pixel that would cause it, or, if ``of_answer``, as it is. What is
     left beyond the tolerance is not tabulated.
     """
-    count = FIRST_CELLS
-    fine = EXPANSION * tolerance * (1.0 if of_answer else _px(exact, image_size))
-    while True:
-        table = _table(exact, image_size, count, fine)
-        error = _cell_errors(table, fine, of_answer)
-        known = np.isfinite(error)
-        good = known & (error <= tolerance)
-        if good.sum() >= ENOUGH * known.sum() or count >= MOST_CELLS:
-            return PointTable(exact, image_size, np.where(good[:, :, None], table.cells, np.nan))
-        # Of half the size they are eight times as good, but for a few that never are: towards 90° from the axis.
-        needed = np.log(np.quantile(error[known], MOST) / tolerance) / np.log(8.0)
-        count = min(count * 2 ** max(1, int(np.ceil(needed))), MOST_CELLS)
+    splits, first = np.ones((TILES, TILES), np.intp), np.zeros((TILES, TILES), np.intp)
+    parts, count = [np.full((1, 9), np.nan + 0j)], 1
+    for square, coefficients in _expansions(exact, np.array(image_size), tolerance, of_answer):
+        for each, tiles, cells in _enough_cells(coefficients, square, tolerance, of_answer):
+            splits[square.place][tiles] = each
+            first[square.place][tiles] = count + each**2 * np.arange(tiles.sum())
+            parts.append(cells)
+            count += len(cells)
+    return PointTable(exact, image_size, splits.ravel(), first.ravel(), np.concatenate(parts))
 
 
-def _px(exact: PointMap, image_size: tuple[int, int]) -> float:
-    """The smallest change of the answer that a px of the image makes, over the image, to see when an error is small."""
-    u, v = (np.linspace(0.0, n - 1.0, 9) for n in image_size)
-    uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    ends = [exact(uv + e) - exact(uv - e) for e in np.eye(2) / 2.0]
-    with np.errstate(invalid="ignore"):
-        area = np.abs(np.linalg.det(np.stack(ends, axis=-1)))
-    return float(np.sqrt(np.nanmin(area))) if np.isfinite(area).any() else 1.0
+# --- expansions --------------------------------------------------------------------------------------------------
 
 
-def _table(exact: PointMap, image_size: tuple[int, int], count: int, tolerance: float) -> PointTable:
-    """A table with ``count`` cells along the longer side of the image, whatever its error."""
-    columns, rows = (max(1, round(count * n / max(image_size))) for n in image_size)
-    step = np.array(image_size) / (2.0 * columns, 2.0 * rows)
-    counts = (2 * columns + 1, 2 * rows + 1)
-    first, second = expand(lambda index: exact(index * step - 0.5), counts, tolerance=tolerance, dtype=np.float64)
-    nodes = np.lib.stride_tricks.sliding_window_view(first + 1j * second, (3, 3))[::2, ::2]
-    cells = MONOMIALS @ nodes @ MONOMIALS.T
-    return PointTable(exact, image_size, cells.reshape(rows, columns, 9))
+@dataclass(frozen=True, slots=True)
+class _Square:
+    """The part of the image in ``row`` and ``column`` once it has been halved ``halvings`` times along both axes."""
+
+    halvings: int
+    row: int
+    column: int
+    side: tuple[float, float]
+
+    @property
+    def tiles(self) -> int:
+        """Along each side."""
+        return TILES >> self.halvings
+
+    @property
+    def place(self) -> tuple[slice, slice]:
+        """Its tiles."""
+        n = self.tiles
+        return slice(self.row * n, (self.row + 1) * n), slice(self.column * n, (self.column + 1) * n)
+
+    def nodes(self) -> Floats:
+        """Pixels (NODES², 2) of the Chebyshev nodes, row by row."""
+        middle = np.array([self.column + 0.5, self.row + 0.5])
+        grid = np.stack(np.meshgrid(nodes(), nodes()), axis=-1).reshape(-1, 2)
+        return np.asarray((middle + grid / 2.0) * self.side - 0.5)
+
+    def quarters(self) -> list[_Square]:
+        """Four that make up this one; none of a single tile."""
+        if not self.halvings < HALVINGS:
+            return []
+        half = self.side[0] / 2.0, self.side[1] / 2.0
+        return [
+            _Square(self.halvings + 1, 2 * self.row + down, 2 * self.column + right, half)
+            for down in (0, 1)
+            for right in (0, 1)
+        ]
 
 
-def _cell_errors(table: PointTable, tolerance: float, of_answer: bool) -> Floats:
-    """Each cell's error (rows, columns) at the place where it should be largest, px of the image or of the answer."""
-    rows, columns, _ = table.cells.shape
-    side = np.array(table.image_size) / (columns, rows)
-    offset = np.array([WORST, 1.0 - WORST])
+def _expansions(
+    exact: PointMap, image_size: Floats, tolerance: float, of_answer: bool
+) -> Iterator[tuple[_Square, Complexes]]:
+    """The squares where an expansion holds, and its coefficients (NODES, NODES)."""
+    squares = [_Square(0, 0, 0, (float(image_size[0]), float(image_size[1])))]
+    while squares:
+        some, squares = squares[:AT_ONCE], squares[AT_ONCE:]
+        values = exact(np.concatenate([square.nodes() for square in some]))
+        with np.errstate(invalid="ignore"):
+            expanded = to_coefficients(values.reshape(len(some), NODES, NODES, 2))
+        for square, coefficients in zip(some, expanded, strict=True):
+            px = 1.0 if of_answer else _px(coefficients, square)
+            if tail(coefficients) <= EXPANSION * tolerance * px:  # not if any value is nan
+                yield square, coefficients[0] + 1j * coefficients[1]
+            else:
+                squares += square.quarters()
 
-    def place(index: Floats) -> Floats:
-        return np.asarray((index + offset) * side - 0.5)
 
-    truth = expand(lambda index: table.exact(place(index)), (columns, rows), tolerance=tolerance, dtype=np.float64)
-    uv = place(np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2).astype(np.float64))
-    found, right, down = (np.empty(uv.shape) for _ in range(3))
-    for out, shift in ((found, [0.0, 0.0]), (right, [1e-3, 0.0]), (down, [0.0, 1e-3])):
-        table._look_up(uv + shift, out)
-    error = found - truth.reshape(2, -1).T
-    if not of_answer:
-        slopes = np.stack([right - found, down - found], axis=-1) / 1e-3
-        with np.errstate(invalid="ignore", divide="ignore"):
-            error = solve_2x2(slopes, error)
-    return np.asarray(np.linalg.norm(error, axis=1).reshape(rows, columns))
+def _px(coefficients: Floats, square: _Square) -> float:
+    """About how much a px of the image changes the answer in ``square``."""
+    (u_y, v_y), (u_x, v_x) = coefficients[:, 1, 0], coefficients[:, 0, 1]
+    return float(2.0 * np.sqrt(np.abs(u_x * v_y - u_y * v_x) / (square.side[0] * square.side[1])))
+
+
+# --- cells -------------------------------------------------------------------------------------------------------
+
+
+def _enough_cells(
+    coefficients: Complexes, square: _Square, tolerance: float, of_answer: bool
+) -> Iterator[tuple[int, Bools, Complexes]]:
+    """The largest cells that hold an expansion to the tolerance; nan where none do.
+
+    Into how many along a side some tiles of ``square`` are split, which tiles those are, and their cells, one after the
+    other.
+    """
+    n, each = square.tiles, 1
+    left = np.ones((n, n), dtype=bool)
+    while left.any():
+        along = _along(n * each)
+        error = _cell_errors(coefficients, along, None if of_answer else square.side)
+        good = (WORST * error <= tolerance).reshape(n, each, n, each).swapaxes(1, 2)
+        final = 2 * each > MOST_SPLITS or 2 * n * each > MOST_CELLS
+        tiles = left & (final | good.all(axis=(2, 3)))
+        if tiles.any():
+            row, column = np.nonzero(tiles)
+            monomials = along.monomials.reshape(n, 3 * each, NODES)
+            cells = (monomials @ coefficients)[row] @ monomials.swapaxes(1, 2)[column]
+            cells = cells.reshape(-1, each, 3, each, 3).swapaxes(2, 3)
+            cells[~good[tiles]] = np.nan
+            yield each, tiles, cells.reshape(-1, 9)
+        left &= ~tiles
+        each *= 2
+
+
+def _cell_errors(coefficients: Complexes, along: _Along, side: tuple[float, float] | None) -> Floats:
+    """Each cell's error (n, n): in px where ``side`` (width, height) is the square's in px, else as the answer is.
+
+    A quadratic errs most close to a quarter of its way, and with the other sign at three quarters: errors along both
+    axes add up at one of two places.
+    """
+    n = len(along.half)
+    error = along.fitted @ coefficients @ along.fitted[:n].T - along.truth @ coefficients @ along.truth[:n].T
+    if side is None:
+        return np.asarray(np.abs(error).reshape(2, n, n).max(axis=0))
+    right, below = (a @ coefficients @ b.T for a, b in ((along.half, along.rise), (along.rise, along.half)))
+    u, v = _components(error.reshape(2, n, n), right, below)
+    return np.asarray(np.hypot(u * (side[0] / n), v * (side[1] / n)).max(axis=0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Along:
+    """What expansions say along a side of a square of n cells: matrices (…, NODES) for their coefficients.
+
+    ``monomials`` (n, 3, …) give each cell's coefficients of 1, x and x²; ``truth`` (2n, …) the values at a quarter of
+    each cell, then at three, and ``fitted`` what the quadratics say there; ``half`` (n, …) the values in the middle,
+    ``rise`` (n, …) the change from end to end.
+    """
+
+    monomials: Complexes
+    truth: Complexes
+    fitted: Complexes
+    half: Complexes
+    rise: Complexes
+
+
+@lru_cache(maxsize=16)
+def _along(count: int) -> _Along:
+    values = chebyshev(4 * count + 1).astype(np.complex128)
+    nodes = np.stack([values[:-4:4], values[2::4], values[4::4]])
+    return _Along(
+        MONOMIALS @ nodes.swapaxes(0, 1),
+        np.concatenate([values[1::4], values[3::4]]),
+        np.tensordot([QUARTER, QUARTER[::-1]], nodes, axes=1).reshape(-1, NODES),
+        values[2::4],
+        values[4::4] - values[:-4:4],
+    )
+
+
+def _components(value: Complexes, first: Complexes, second: Complexes) -> tuple[Floats, Floats]:
+    """The real a and b with a ``first`` + b ``second`` = ``value``, by Cramer's rule; not finite where none are."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        area = (first.conj() * second).imag
+        return (value.conj() * second).imag / area, (first.conj() * value).imag / area

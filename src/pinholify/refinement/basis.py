@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Floats, Ints, frozen
-from pinholify.refinement.trends.base import inverse_2x2
+from pinholify.gp.trends.base import solve_2x2
 
 MARGIN = 0.35  # of the box around the image, in half diagonals: at the box's edge the process is held at zero
-NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-7  # of an error that the same step squares
+NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-6  # of an error that the same step squares
 REACH = 4.8  # frequencies kept, in inverse length scales: beyond it the SE density is below 1e-5 of its maximum
 
 
@@ -57,9 +57,11 @@ class SineBasis:
     def combine(self, weights: Floats, w: Floats) -> tuple[Floats, Floats]:
         """g = Σ φ · ``weights`` (M, m) at ``w`` (n, 2), and ∂g/∂w: (n, m) and (n, m, 2)."""
         (du, u), (dv, v) = self._waves(w)
-        value, by_u, by_v = (self._grids(weights * f[:, None]) for f in (np.ones(len(self)), *self.frequencies.T))
-        slopes = [_paired(by_u @ du, v), _paired(by_v @ u, dv)]
-        return _paired(value @ u, v), np.stack(slopes, axis=2)
+        du *= self._frequencies(0)
+        dv *= self._frequencies(1)
+        grids = self._grids(weights)
+        along = grids @ u
+        return _paired(along, v), np.stack([_paired(grids @ du, v), _paired(along, dv)], axis=2)
 
     def undisplaced(self, weights: Floats, x: Floats) -> Floats:
         """The w (n, 2) with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
@@ -70,9 +72,14 @@ class SineBasis:
                 break
             g, slope = self.combine(weights, w[active])
             error = x[active] - g - w[active]
-            w[active] += (inverse_2x2(np.eye(2) + slope) @ error[:, :, None])[:, :, 0]
+            w[active] += solve_2x2(np.eye(2) + slope, error)
             active = active[np.abs(error).max(axis=1) >= NEWTON_TOLERANCE]
         return w
+
+    def _frequencies(self, axis: int) -> Floats:
+        """Angular frequencies of one axis, (J, 1) or (K, 1)."""
+        j = np.arange(1, self.order[:, axis].max(initial=0) + 1)
+        return np.asarray(np.pi * j[:, None] / (2.0 * self.half_box[axis]))
 
     def _grids(self, weights: Floats) -> Floats:
         """``weights`` (M, m) of functions without their common factor, laid out by k and j: (m, K, J)."""
