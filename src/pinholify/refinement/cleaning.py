@@ -64,7 +64,7 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
         seen = everything.select(keep)
         kept = np.isin(np.arange(everything.boards), everything.view[keep])
         best = replace(best, hyperparameters=settled.hyperparameters)
-        settled = settle(setting, best, seen, state.of_boards(kept))
+        settled = settle(setting, best, seen, (state.of_boards(kept), settled.model.basis))
     state, residual = _judged(settled, seen, everything)
     inside = dict(zip(everything.names, everything.slices(), strict=True))
     inlier = np.zeros(len(everything.view), dtype=bool)

@@ -47,7 +47,7 @@ def eliminate(
     Marquardt).
     """
     root = np.sqrt(weight)[:, None]
-    basis = linear.basis * root
+    basis = linear.basis if (weight == 1.0).all() else linear.basis * root
     dense = np.concatenate([linear.pose, linear.shared, residual[:, :, None]], axis=2)
     dense *= root[:, :, None]
     matrix, right = _global_blocks(basis, dense[:, :, POSE:], damping)

@@ -9,19 +9,20 @@ import numpy as np
 from pinholify.arrays import Floats
 from pinholify.errors import CalibrationError
 from pinholify.refinement.basis import SineBasis, no_basis, sine_basis
-from pinholify.refinement.candidates import WORTH, Candidate, Setting, solve_trend
-from pinholify.refinement.evidence import Hyperparameters, Linearised, linearised, maximise_evidence
+from pinholify.refinement.candidates import SCREENING_LENGTH_SCALE, WORTH, Candidate, Setting, solve_trend
+from pinholify.refinement.evidence import Hyperparameters, Linearised, linearised, maximise_evidence, posterior
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.normal import NormalEquations, eliminate
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.shape import BoardShape
-from pinholify.refinement.solver import Loss, Solution, minimise
+from pinholify.refinement.solver import Loss, Solution, measured, minimise
 from pinholify.refinement.spectral import LogDensity
 
 ROUNDS = 6
 SETTLED = 0.02  # change of any log hyperparameter
 SAFETY = 0.9  # length scales down to this part of the present one are carried
 FINEST = 0.11  # half diagonals: what 500 functions carry
+STEPS, CONVERGED = 20, 0.02  # nats that the last step promises; it is taken, and leaves far less
 
 
 class SolveError(CalibrationError):
@@ -66,18 +67,19 @@ def best_shape(setting: Setting, candidate: Candidate) -> tuple[BoardShape, Cand
     return shape, replace(candidate, hyperparameters=hyperparameters)
 
 
-def settle(setting: Setting, candidate: Candidate, seen: Observations, known: State | None = None) -> Settled:
-    """``candidate``'s trend with ``setting``'s shape, solved with its process from its origin, or from
-    ``known``, where the same was solved for other corners.
+def settle(
+    setting: Setting, candidate: Candidate, seen: Observations, known: tuple[State, SineBasis] | None = None
+) -> Settled:
+    """``candidate``'s trend with ``setting``'s shape, solved with its process from where its linearised problem leads,
+    or from a ``known`` state and its functions, where the same was solved for other corners.
 
     Raises SolveError where the solve breaks down.
     """
-    hyperparameters, state = candidate.hyperparameters, known or _without_process(setting, candidate, seen)
+    hyperparameters, (state, before) = candidate.hyperparameters, known or _promised(setting, candidate, seen)
     resolved = _resolved(hyperparameters)
     for _ in range(ROUNDS):
         basis = _basis(setting, hyperparameters, resolved)
-        if len(basis) != len(state.weights):
-            state = replace(state, weights=np.zeros((len(basis), 2)))
+        state, before = replace(state, weights=_carried(state.weights, before, basis)), basis
         settled = _solve(setting.model(candidate.trend, basis), setting.density, state, seen, hyperparameters)
         fit = maximise_evidence(
             settled.problem,
@@ -99,25 +101,57 @@ def settle(setting: Setting, candidate: Candidate, seen: Observations, known: St
     return replace(settled, hyperparameters=hyperparameters, log_evidence=fit.log_evidence, precision=precision)
 
 
-def _without_process(setting: Setting, candidate: Candidate, seen: Observations) -> State:
-    plain = solve_trend(setting, candidate.trend, candidate.origin, seen)
-    if plain is None:
-        raise SolveError(f"the joint solve with trend {candidate.trend.name} broke down")
-    return plain.state
+def _promised(setting: Setting, candidate: Candidate, seen: Observations) -> tuple[State, SineBasis]:
+    """What ``candidate``'s linearised problem says, its poses as they were; without process where that sees not all."""
+    problem, origin, best = candidate.problem, candidate.origin, candidate.hyperparameters
+    kept = origin.model.shape.kept(setting.shape)
+    problem = problem.without(np.append(np.zeros(len(problem.theta) - len(kept), dtype=bool), ~kept))
+    precision = best.precision(setting.density, problem.frequencies, problem.precision)
+    theta = problem.theta + posterior(problem, precision, best.noise).delta
+    weights, beta, eta = np.split(theta, np.cumsum([2 * len(problem.frequencies), len(candidate.trend.prior_std)]))
+    basis = _basis(setting, best, SCREENING_LENGTH_SCALE)
+    poses = origin.state.rotations, origin.state.translations
+    state = State(weights.reshape(2, -1).T, beta, eta, *poses)
+    if setting.model(candidate.trend, basis).predict(state, seen).valid:
+        return state, basis
+    plain = _found(solve_trend(setting, candidate.trend, origin, seen), setting.model(candidate.trend))
+    return plain.state, no_basis(setting.half_size)
+
+
+def _carried(weights: Floats, of: SineBasis, to: SineBasis) -> Floats:
+    """Weights (M, 2) of the functions of ``to``: those that the same functions of ``of`` have, the others' zero."""
+    return np.asarray((to.order[:, None] == of.order).all(axis=2) @ weights)
 
 
 def _solve(
     model: Model, density: LogDensity, state: State, seen: Observations, hyperparameters: Hyperparameters
 ) -> Settled:
-    precision = hyperparameters.precision(density, model.basis.frequencies, model.trend_precision())
-    solution = minimise(model, state, seen, precision, Loss(hyperparameters.noise), most_steps=20, tolerance=1e-3)
+    """By Newton steps, each of which makes the equations anew; damped ones where these do not help."""
+    prior, frequencies, noise = model.trend_precision(), model.basis.frequencies, hyperparameters.noise
+    precision, loss = hyperparameters.precision(density, frequencies, prior), Loss(noise)
+    here, damped = _found(measured(model, state, seen, precision, loss), model), False
+    for _ in range(STEPS):
+        linear = model.linearise(here.state, seen, here.prediction)
+        equations = eliminate(linear, here.prediction.residual, seen.weight**2, seen)
+        problem = linearised(equations, seen.boards, here.state.globals, frequencies, prior)
+        step = posterior(problem, precision, noise).delta
+        promised = 0.5 * float(equations.right @ step + (equations.pose_right**2).sum()) / noise**2
+        promised -= 0.5 * float(precision * problem.theta @ step)
+        there = measured(model, here.state.moved(step, equations.pose_steps(step)), seen, precision, loss)
+        if there is not None and there.objective <= here.objective:
+            here = there
+        elif not damped and promised >= CONVERGED:
+            here, damped = _found(minimise(model, here.state, seen, precision, loss, most_steps=STEPS), model), True
+            continue
+        if damped or promised < CONVERGED:
+            break
+    return Settled(model, here, equations, problem, hyperparameters, -np.inf, precision)
+
+
+def _found(solution: Solution | None, model: Model) -> Solution:
     if solution is None:
         raise SolveError(f"the joint solve with trend {model.trend.name} broke down")
-    linear = model.linearise(solution.state, seen, solution.prediction)
-    equations = eliminate(linear, solution.prediction.residual, seen.weight**2, seen)
-    frequencies, prior = model.basis.frequencies, model.trend_precision()
-    problem = linearised(equations, seen.boards, solution.state.globals, frequencies, prior)
-    return Settled(model, solution, equations, problem, hyperparameters, -np.inf, precision)
+    return solution
 
 
 def _length_scale(hyperparameters: Hyperparameters) -> float:

@@ -108,6 +108,13 @@ class _Problem:
         return None if there is None else (there, promised)
 
 
+def measured(model: Model, state: State, seen: Observations, precision: Floats, loss: Loss) -> Solution | None:
+    """``state`` as a solution; None where the trend does not see all corners from there. ``precision`` (D,) is the
+    prior's.
+    """
+    return _Problem(model, seen, precision, loss, poses_only=False).at(state)
+
+
 def minimise(
     model: Model,
     state: State,
