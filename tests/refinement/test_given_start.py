@@ -274,6 +274,19 @@ def test_corners_outside_the_starts_domain_are_no_hindrance(scenes: dict[str, Sc
     assert refine(scenes["fisheye"].corners, reference="view00", start=blind).start_used is True
 
 
+def test_a_start_that_is_known_in_the_middle_alone(scenes: dict[str, Scene]) -> None:
+    """A polynomial that folds says nonsense of most of a fisheye's image; where it does not, it is good enough."""
+
+    def folding(xyz: Floats) -> Floats:
+        xy = xyz[:, :2] / xyz[:, 2:]
+        bent = 300.0 * xy * (1.0 - 0.3 * (xy**2).sum(axis=1, keepdims=True))
+        return np.where(xyz[:, 2:] > 0, bent, np.nan) + (np.array(SIZE) - 1.0) / 2.0
+
+    start = camera_of(folding)
+    assert start.domain.hull.area < 0.3 * np.prod(SIZE)
+    assert refine(scenes["fisheye"].corners, reference="view00", start=start).start_used is True
+
+
 @pytest.mark.parametrize("distorting", [True, False])
 @pytest.mark.parametrize("chart", [Angles(), Plane()], ids=["angles", "plane"])
 def test_a_lens_with_its_axis_outside_the_image_is_fitted(chart: Angles | Plane, distorting: bool) -> None:

@@ -34,7 +34,7 @@ FEWEST_BOARDS = 3  # the reference and two that stand otherwise
     epilog=examples(
         "pinholify calibrate photos/ --board 15x9 --square 25mm -o camera.npz",
         "pinholify calibrate photos/ --board auto",
-        "pinholify calibrate photos/ --board 15x9 --start last-month.npz -o camera.npz",
+        "pinholify calibrate photos/ --board 15x9 --start last-month.npz",
         "pinholify calibrate --corners corners.vnl --image-size 3840x2160 --board 15x9",
     ),
 )
