@@ -5,9 +5,10 @@
 LENS are those of the simulation, six of them unless named, at three times their resolution. Each is calibrated from
 noisy corners of 24 boards, and the inverse map of a 3840x2160 view is built: "cold" for a camera that was just read,
 nothing prepared, "warm" for one that has had another view before. Errors are the largest distance, px,
-from the exact inverse, over random pixels, the picture's four edges, and pixels where validity ends. Times are the best
-of several, on the wall. Threads are as many as OpenCV and NumPy's BLAS choose; OPENBLAS_NUM_THREADS=1 holds our matrix
-products to one.
+from the exact inverse, over random pixels, the picture's four edges, and pixels where validity ends. Points are also
+those of the paper's camera, made from one image: "cold" for a camera that was just read, whose table is not made yet,
+"warm" for one that has it. Times are the best of several, on the wall. Threads are as many as OpenCV and NumPy's BLAS
+choose; OPENBLAS_NUM_THREADS=1 holds our matrix products to one.
 
 PYTHON are interpreters in which mrcal and lensboy are installed; they build the map of a 4K spline model of their own,
 float32 for lensboy and float64 for mrcal as they come, and time themselves.
@@ -35,6 +36,7 @@ from pinholify.simulation.views import board_poses, true_corners
 
 DEFAULT = ("pinhole", "unity-barrel", "unity-pincushion", "rational-prism-tilt", "fisheye", "windscreen")
 SIZE = (3840, 2160)
+METHODS = ("joint", "one-image")
 BOARD = Checkerboard(12, 9)
 BOARDS, NOISE, REPEATS, POINTS = 24, 0.1, 7, 1_000_000
 MATRIX = np.array([[2000.0, 0.0, 1919.5], [0.0, 2000.0, 1079.5], [0.0, 0.0, 1.0]])
@@ -75,10 +77,6 @@ def seconds(function, *arguments):
     return time.perf_counter() - start
 
 
-def best(function, *arguments):
-    return min(seconds(function, *arguments) for _ in range(REPEATS))
-
-
 def peer_seconds(python, program):
     """Seconds that a peer's map takes in its own interpreter; None, said why, where it has none."""
     done = subprocess.run([python, "-c", program + TIMED], capture_output=True, text=True, check=False, timeout=600)
@@ -96,7 +94,7 @@ def fisheye():
     return cv2.fisheye.initUndistortRectifyMap(MATRIX, KANNALA_BRANDT, np.eye(3), MATRIX, SIZE, cv2.CV_32FC1)
 
 
-def calibrated(name):
+def calibrated(name, method):
     width, height = LENSES[name].size
     lens = Resized(LENSES[name], (3 * width, 3 * height))
     rng, ids = np.random.default_rng(0), np.arange(BOARD.columns * BOARD.rows)
@@ -104,7 +102,7 @@ def calibrated(name):
     for i, pose in enumerate(board_poses([lens], BOARD, BOARDS, seed=1)):
         uv = true_corners(lens, BOARD, pose)
         views.append(Corners(f"view{i:03d}", ids, uv + rng.normal(0.0, NOISE, uv.shape)))
-    return calibrate(CornerSet(BOARD, lens.size, tuple(views)), reference="view000")
+    return calibrate(CornerSet(BOARD, lens.size, tuple(views)), reference="view000", method=method)
 
 
 def checked_pixels(valid):
@@ -161,16 +159,29 @@ def bare(frame, ours):
     return cv2.remap(frame, ours.map1, ours.map2, cv2.INTER_CUBIC)
 
 
-def compare_points(camera, theirs):
-    """A million points, with the making of the table and once there is one, against cv2.undistortPoints."""
-    uv = np.random.default_rng(0).uniform(-0.5, np.array(camera.image_size) - 0.5, (POINTS, 2))
-    cold = theirs / seconds(undistort_points, uv, camera)
-    warm = theirs / best(undistort_points, uv, camera)
+def converged(uv):
+    return cv2.undistortPoints(uv, MATRIX, RATIONAL, criteria=TO_CONVERGENCE)
+
+
+def compare_points(path, method):
+    """A million points, with the making of the table and once there is one, against cv2.undistortPoints, in turns."""
+    rng, camera, rounds = np.random.default_rng(0), read_camera(path).camera, []
+    theirs = rng.uniform(-0.5, np.array(SIZE) - 0.5, (POINTS, 2))
+    uv = rng.uniform(-0.5, np.array(camera.image_size) - 0.5, (POINTS, 2))
+    undistort_points(uv, camera)
+    for _ in range(REPEATS):
+        fresh = read_camera(path).camera
+        rounds.append([seconds(converged, theirs), *(seconds(undistort_points, uv, c) for c in (fresh, camera))])
+    best_of_theirs, *ours = np.min(rounds, axis=0)
+    cold, warm = np.divide(best_of_theirs, ours)
     some = uv[:10_000]
     wrong = undistort_points(uv, camera)[:10_000] - undistort_points(some, camera, tolerance=0.0)
     shift = np.linalg.solve(undistort_points_jacobian(some, camera), wrong[:, :, None])[:, :, 0]
     error = np.nanmax(np.linalg.norm(shift, axis=1))
-    print(f"  points, cv2.undistortPoints ÷ ours, cold / warm: {cold:.1f} / {warm:.1f}; largest error {error:.5f} px")
+    print(
+        f"  points, {method}, cv2.undistortPoints ÷ ours, cold / warm: {cold:.1f} / {warm:.1f}; "
+        f"largest error {error:.5f} px"
+    )
 
 
 def main():
@@ -184,16 +195,16 @@ def main():
         taken = peer_seconds(python, program) if python else None
         if taken is not None:
             peers[name] = taken
-    uv = np.random.default_rng(0).uniform(-0.5, np.array(SIZE) - 0.5, (POINTS, 2))
-    points = best(lambda: cv2.undistortPoints(uv, MATRIX, RATIONAL, criteria=TO_CONVERGENCE))
     with tempfile.TemporaryDirectory() as folder:
         for name in options.lenses:
-            path = Path(folder) / f"{name}.npz"
-            write_camera(path, calibrated(name))
+            paths = {method: Path(folder) / f"{name}-{method}.npz" for method in METHODS}
+            for method, path in paths.items():
+                write_camera(path, calibrated(name, method))
             print(name, flush=True)
-            camera, made = compare_maps(path, peers)
+            camera, made = compare_maps(paths["joint"], peers)
             compare_frames(camera, made)
-            compare_points(camera, points)
+            for method, path in paths.items():
+                compare_points(path, method)
     return 0
 
 
