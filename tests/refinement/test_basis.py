@@ -74,3 +74,14 @@ def test_no_basis_is_no_displacement() -> None:
 def test_unknown_kernel_is_named_with_those_there_are() -> None:
     with pytest.raises(InputError, match=r"rq.*se, ard-se"):
         density_named("rq")
+
+
+def test_quadratic_forms_are_sums_of_cosines() -> None:
+    rng = np.random.default_rng(4)
+    basis = sine_basis(np.array([0.8, 0.6]), 0.3)
+    matrices = rng.normal(size=(2, len(basis), len(basis)))
+    w = rng.uniform(-1.0, 1.0, (40, 2))
+    values = basis.values(w)
+    expected = np.einsum("na,mab,nb->nm", values, matrices, values)
+    np.testing.assert_allclose(basis.summed(basis.product_series(matrices), w), expected, atol=1e-11)
+

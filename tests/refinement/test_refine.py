@@ -117,6 +117,21 @@ def test_features_of_the_covariance(name: str, results: dict[str, JointResult]) 
         np.testing.assert_allclose(feature @ step, (a - b) / (2 * h), rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["pinhole", "wavy"])
+def test_covariances_are_the_features_times_a_root(name: str, results: dict[str, JointResult]) -> None:
+    plane_map = results[name].camera.plane_map
+    uv = grid(results[name])[::5]
+    turned = np.concatenate([plane_map.root[:-6], plane_map.turn_root, np.zeros_like(plane_map.turn_root)])
+    for found, features, root in (
+        (plane_map.covariance(uv), plane_map.features(uv), plane_map.root),
+        (plane_map.covariance_up_to_turn(uv), plane_map.features(uv), turned),
+        (plane_map.virtual_covariance(uv), plane_map.virtual_features(uv), plane_map.root),
+    ):
+        half = features @ root
+        expected = half @ half.transpose(0, 2, 1)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
 def test_a_decentred_lens_is_known_as_such() -> None:
     """Brown's model with two radial terms and decentring is found among all the others."""
     scene = make_scene("decentred", views=20)

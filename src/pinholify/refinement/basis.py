@@ -63,6 +63,29 @@ class SineBasis:
         along = grids @ u
         return _paired(along, v), np.stack([_paired(grids @ du, v), _paired(along, dv)], axis=2)
 
+    def product_series(self, matrices: Floats) -> Floats:
+        """Coefficients (m, 2K + 1, 2J + 1) of cosines of each axis, whose sum is φᵀCφ, for C in ``matrices`` (m, M, M).
+
+        A product of two sines is half the difference of two cosines, so that there are far fewer terms than products.
+        """
+        differences = np.abs(self.order[:, None] - self.order).reshape(-1, 2).T
+        sums = (self.order[:, None] + self.order).reshape(-1, 2).T
+        width, height = 2 * self.order.max(axis=0, initial=0) + 1
+        series = np.zeros((len(matrices), height * width))
+        for j, k, sign in ((0, 0, 1.0), (0, 1, -1.0), (1, 0, -1.0), (1, 1, 1.0)):
+            place = (differences, sums)[k][1] * width + (differences, sums)[j][0]
+            for row, matrix in zip(series, matrices, strict=True):
+                row += sign * np.bincount(place, matrix.ravel(), len(row))
+        return np.asarray(series.reshape(len(matrices), height, width) / (4.0 * self.half_box.prod()))
+
+    def summed(self, series: Floats, w: Floats) -> Floats:
+        """The sums of ``series`` (m, 2K + 1, 2J + 1) of :meth:`product_series` at ``w`` (n, 2): (n, m)."""
+        across, along = (np.empty((count, len(w))) for count in series.shape[1:])
+        for axis, cosines in enumerate((along, across)):
+            angle = np.pi * (w[:, axis] / self.half_box[axis] + 1.0) / 2.0
+            cosines[0], cosines[1:] = 1.0, _multiples(angle, len(cosines) - 1)[0]
+        return _paired(series @ along, across)
+
     def undisplaced(self, weights: Floats, x: Floats) -> Floats:
         """The w (n, 2) with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
         w = np.array(x)

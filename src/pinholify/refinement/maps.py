@@ -82,12 +82,12 @@ class JointMap:
 
     def covariance(self, uv: Floats) -> Floats:
         """Covariance of q (n, 2, 2), radians²."""
-        return _in_parts(lambda some: _covariances(self.features(some), self.root), uv)
+        return self._covariances(uv, self._slopes_of_angles, self.root)
 
     def covariance_up_to_turn(self, uv: Floats) -> Floats:
         """Covariance of q (n, 2, 2) once each error of the map is turned back as well as it goes, over all corners."""
         turned = np.concatenate([self.root[:-POSE], self.turn_root, np.zeros_like(self.turn_root)])
-        return _in_parts(lambda some: _covariances(self.features(some), turned), uv)
+        return self._covariances(uv, self._slopes_of_angles, turned)
 
     def with_turn_fitted(self, uv: Floats) -> JointMap:
         """The same map with :attr:`turn_root` fitted to its errors at pixels ``uv`` (n, 2)."""
@@ -99,7 +99,7 @@ class JointMap:
 
     def virtual_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) of virtual points, squares²: what the reference board's pose and K share cancels."""
-        return _in_parts(lambda some: _covariances(self.virtual_features(some), self.root), uv)
+        return self._covariances(uv, self._slopes_of_virtual, self.root)
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """uv (n, 2) of ``q``, on the trend's own branch; nan where it has none."""
@@ -124,12 +124,7 @@ class JointMap:
         6).
         """
         w = self._undisplaced(uv)
-        by_image, by_beta = self._slopes(w)
-        basis = self.basis.values(w)
-        displaced = -by_image[:, :, :, None] * basis[:, None, None, :]
-        directions = angles_to_directions(self._angles(w))
-        by_turn = directions_to_angles_jacobian(directions) @ cross_matrices(directions)
-        return np.concatenate([displaced.reshape(len(w), 2, -1), by_beta, by_turn, np.zeros((len(w), 2, 3))], axis=2)
+        return self._spread_out(w, *self._slopes_of_angles(w))
 
     def intrinsics_features(self) -> Floats:
         """∂(f, uc, vc)/∂unknowns of :attr:`root`, (3, D + 6)."""
@@ -143,18 +138,68 @@ class JointMap:
 
         Unlike a ray's, a virtual point's error leaves out what the reference board's pose and K share.
         """
-        q = self.value(uv)
+        w = self._undisplaced(uv)
+        return self._spread_out(w, *self._slopes_of_virtual(w))
+
+    def _spread_out(self, w: Floats, by_displacement: Floats, by_rest: Floats) -> Floats:
+        """Derivatives (n, 2, D + 6) by all unknowns, of those by g(w) (n, 2, 2) and by all but its weights."""
+        displaced = by_displacement[:, :, :, None] * self.basis.values(w)[:, None, None, :]
+        return np.concatenate([displaced.reshape(len(w), 2, -1), by_rest], axis=2)
+
+    def _slopes_of_angles(self, w: Floats) -> tuple[Floats, Floats]:
+        """∂q/∂g (n, 2, 2) at fixed uv, and ∂q/∂(β, turn, shift) (n, 2, P + 6), at w."""
+        by_image, by_beta = self._slopes(w)
+        directions = angles_to_directions(self._angles(w))
+        by_turn = directions_to_angles_jacobian(directions) @ cross_matrices(directions)
+        return -by_image, np.concatenate([by_beta, by_turn, np.zeros((len(w), 2, 3))], axis=2)
+
+    def _slopes_of_virtual(self, w: Floats) -> tuple[Floats, Floats]:
+        """The same of virtual points."""
+        q = self._angles(w)
         directions = angles_to_directions(q) @ self.rotation
         f = (self.rotation.T @ self.translation)[2]
         x, y, z = directions.T
-        by_direction = np.zeros((len(uv), 2, 3))
+        by_direction = np.zeros((len(w), 2, 3))
         by_direction[:, 0, 0] = by_direction[:, 1, 1] = f / z
         by_direction[:, 0, 2], by_direction[:, 1, 2] = -f * x / z**2, -f * y / z**2
         by_angles = by_direction @ (self.rotation.T @ angles_to_directions_jacobian(q))
-        by_k = np.zeros((len(uv), 2, 3))
+        by_k = np.zeros((len(w), 2, 3))
         by_k[:, 0, 0], by_k[:, 1, 0] = x / z, y / z
         by_k[:, 0, 1] = by_k[:, 1, 2] = 1.0
-        return by_angles @ self.features(uv) + by_k @ self.intrinsics_features()
+        by_displacement, by_rest = self._slopes_of_angles(w)
+        by_rest = by_angles @ by_rest + by_k @ self.intrinsics_features()[:, 2 * len(self.basis) :]
+        return by_angles @ by_displacement, by_rest
+
+    def _covariances(self, uv: Floats, slopes: Callable[[Floats], tuple[Floats, Floats]], root: Floats) -> Floats:
+        """Covariances (n, 2, 2) at pixels ``uv`` of what has the ``slopes`` by g(w) and the unknowns beside it, where
+        ``root`` is one of the unknowns' covariance.
+        """
+        m, unknowns = len(self.basis), root @ root.T
+        u, v = slice(m), slice(m, 2 * m)
+        series = self.basis.product_series(np.stack([unknowns[u, u], unknowns[u, v], unknowns[v, v]]))
+
+        def covariances(some: Floats) -> Floats:
+            w = self._undisplaced(some)
+            return self._propagated(w, *slopes(w), unknowns, series)
+
+        return _in_parts(covariances, uv)
+
+    def _propagated(
+        self, w: Floats, by_displacement: Floats, by_rest: Floats, unknowns: Floats, series: Floats
+    ) -> Floats:
+        """Covariances (n, 2, 2), at w, of what has these slopes, from that of the ``unknowns``; ``series`` has the sums
+        of its blocks of weights.
+        """
+        m = len(self.basis)
+        rest = unknowns[2 * m :, 2 * m :]
+        own = np.asarray(by_rest @ rest @ by_rest.transpose(0, 2, 1))
+        if not m:
+            return own
+        mixed = [self.basis.combined(unknowns[axis : axis + m, 2 * m :], w) for axis in (0, m)]
+        of_g = self.basis.summed(series, w)[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+        half = np.stack(mixed, axis=1) @ by_rest.transpose(0, 2, 1) + 0.5 * of_g @ by_displacement.transpose(0, 2, 1)
+        half = by_displacement @ half
+        return own + half + half.transpose(0, 2, 1)
 
     def _undisplaced(self, uv: Floats) -> Floats:
         return self.basis.undisplaced(self.weights, self.frame.normalise(uv))
@@ -176,12 +221,3 @@ class JointMap:
 def _in_parts(function: Callable[[Floats], Floats], uv: Floats) -> Floats:
     """``function`` of pixels (n, 2), of so many at a time as memory holds the features of."""
     return np.concatenate([function(some) for some in np.array_split(uv, len(uv) // AT_ONCE + 1)])
-
-
-def _covariances(features: Floats, root: Floats) -> Floats:
-    """Covariances (n, 2, 2) of what moves by ``features`` (n, 2, D) with unknowns of covariance ``root`` (D, r) @ its
-    transpose.
-    """
-    # One large product: of n small ones each would read the whole root again.
-    half = (features.reshape(-1, len(root)) @ root).reshape(len(features), 2, -1)
-    return np.asarray(half @ half.transpose(0, 2, 1))
