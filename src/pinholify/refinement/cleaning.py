@@ -17,25 +17,39 @@ from pinholify.refinement.settle import Settled, settle
 from pinholify.refinement.solver import Loss, Solution, minimise
 from pinholify.refinement.start import ROBUST, STEPS, reposed
 
+LOOKS = 2
 ROUNDS = 3
 HALF = 0.5
+NOISIER = 1.02  # times the noise, above which wrong corners hid some of the lens from the choice of the trend
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cleaned:
     """The finished solve of the corners ``seen``; ``residuals`` (n, 2) and ``inliers`` (n,) of all corners of
-    the used views by name, and ``misfits``: why the other views were not used.
+    the used views by name, and ``misfits``: why the other views were not used. ``spoilt``: whether the trend was chosen
+    with corners that are wrong, and that hid some of the lens.
     """
 
     settled: Settled
     seen: Observations
+    spoilt: bool
     residuals: Mapping[str, Floats]
     inliers: Mapping[str, Bools]
     misfits: Mapping[str, str]
 
 
-def screen(setting: Setting, first: Solution, everything: Observations) -> tuple[Observations, Solution]:
-    """The corners that agree with their neighbours, and the first solution refined on them alone."""
+def screen(first: Solution, everything: Observations) -> tuple[Observations, Solution]:
+    """The corners that agree with their neighbours, and the first solution refined on them alone.
+
+    A second look finds what hid on boards that the first solution had not placed yet.
+    """
+    seen, known = everything, first
+    for _ in range(LOOKS):
+        seen, known = _screened(known, seen)
+    return seen, known
+
+
+def _screened(first: Solution, everything: Observations) -> tuple[Observations, Solution]:
     keep = locally_consistent(first.model.predict(first.state, everything).residual, everything)
     share = everything.sums(keep.astype(float)) / everything.sums(np.ones(len(keep)))
     keep = with_enough(everything, keep & (share >= HALF)[everything.view])
@@ -54,6 +68,7 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
     these stand.
     """
     settled = settle(setting, best, seen)
+    first_noise = settled.hyperparameters.noise
     for _ in range(ROUNDS):
         state, residual = _judged(settled, seen, everything)
         keep, misfits = _verdict(residual, settled.hyperparameters.noise, everything)
@@ -72,6 +87,7 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
     return Cleaned(
         settled,
         seen,
+        first_noise > NOISIER * settled.hyperparameters.noise,
         {name: residual[inside[name]] for name in seen.names},
         {name: inlier[inside[name]] for name in seen.names},
         misfits,

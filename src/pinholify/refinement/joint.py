@@ -43,7 +43,6 @@ FEWEST_BOARDS = 3
 FEWEST_FOR_SHAPE = 6  # a few views of a hand-held camera can agree on a shape that is none of the board's
 COVERED = 0.995  # of the corners: some that were found far off do not count
 SECOND_CHOICES = 8  # candidates that get a chance where no finalist can be solved
-MANY = 0.005  # of the corners, found wrong only by the full solve, that call for a second choice of the trend
 
 Progress = Callable[[str], None]
 
@@ -84,10 +83,10 @@ def refine(
     )
     first, led = first_solution(setting, everything.thinned(), given)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
-    seen, known = screen(setting, first, everything)
+    seen, known = screen(first, everything)
     finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
-    if len(cleaned.seen.view) < (1.0 - MANY) * len(seen.view):
-        say("many corners were wrong: choosing the trend again without them")
+    if cleaned.spoilt:
+        say("some corners were wrong: choosing the trend again without them")
         seen, known = cleaned.seen, cleaned.settled.solution
         finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
     for candidate in finalists:
