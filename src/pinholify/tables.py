@@ -45,6 +45,9 @@ QUARTER = np.array([1.0, 1.0 / 4.0, 1.0 / 16.0]) @ MONOMIALS
 WORST = 16.0 / (9.0 * np.sqrt(3.0))
 """How much larger than at ¼ a quadratic's error is where it is largest, at ½ − ½/√3."""
 
+HALF_NODES = np.stack(np.meshgrid(nodes(), nodes()), axis=-1).reshape(-1, 2) / 2.0
+"""Chebyshev nodes of a square of side 1 around the origin, row by row."""
+
 PointMap = Callable[[Floats], Floats]
 """(n, 2) px → (n, 2), nan where there is no answer."""
 
@@ -158,8 +161,7 @@ class _Square:
     def nodes(self) -> Floats:
         """Pixels (NODES², 2) of the Chebyshev nodes, row by row."""
         middle = np.array([self.column + 0.5, self.row + 0.5])
-        grid = np.stack(np.meshgrid(nodes(), nodes()), axis=-1).reshape(-1, 2)
-        return np.asarray((middle + grid / 2.0) * self.side - 0.5)
+        return np.asarray((middle + HALF_NODES) * self.side - 0.5)
 
     def quarters(self) -> list[_Square]:
         """Four that make up this one; none of a single tile."""

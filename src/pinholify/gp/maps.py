@@ -233,7 +233,7 @@ class DisplacementMap:
             step = solve_2x2(np.eye(2) + slope, error)
             length = np.linalg.norm(step, axis=1, keepdims=True)
             w[active] -= np.nan_to_num(step * np.minimum(1.0, LONGEST_STEP / np.maximum(length, 1e-300)))
-            largest = np.abs(error).max(axis=1)
+            largest = np.maximum(*np.abs(error.T))
             going = (largest > NEWTON_TOLERANCE) & ((largest > NEWTON_ROUNDING) | (largest < before[active] / 2.0))
             before[active] = largest
             active = active[going]

@@ -68,23 +68,44 @@ class SineBasis:
 
         A product of two sines is half the difference of two cosines, so that there are far fewer terms than products.
         """
-        differences = np.abs(self.order[:, None] - self.order).reshape(-1, 2).T
-        sums = (self.order[:, None] + self.order).reshape(-1, 2).T
         width, height = 2 * self.order.max(axis=0, initial=0) + 1
         series = np.zeros((len(matrices), height * width))
-        for j, k, sign in ((0, 0, 1.0), (0, 1, -1.0), (1, 0, -1.0), (1, 1, 1.0)):
-            place = (differences, sums)[k][1] * width + (differences, sums)[j][0]
+        for sign, place in self._products():
             for row, matrix in zip(series, matrices, strict=True):
-                row += sign * np.bincount(place, matrix.ravel(), len(row))
-        return np.asarray(series.reshape(len(matrices), height, width) / (4.0 * self.half_box.prod()))
+                row += sign * np.bincount(place.ravel(), matrix.ravel(), len(row))
+        return series.reshape(len(matrices), height, width)
 
     def summed(self, series: Floats, w: Floats) -> Floats:
         """The sums of ``series`` (m, 2K + 1, 2J + 1) of :meth:`product_series` at ``w`` (n, 2): (n, m)."""
-        across, along = (np.empty((count, len(w))) for count in series.shape[1:])
-        for axis, cosines in enumerate((along, across)):
-            angle = np.pi * (w[:, axis] / self.half_box[axis] + 1.0) / 2.0
-            cosines[0], cosines[1:] = 1.0, _multiples(angle, len(cosines) - 1)[0]
+        along, across = self._cosines(w)
         return _paired(series @ along, across)
+
+    def gram(self, w: Floats, weight: Floats) -> Floats:
+        """Σ ``weight`` φ φᵀ (M, M) over points ``w`` (n, 2), by the sums of far fewer products of cosines."""
+        along, across = self._cosines(w)
+        moments = (across * weight) @ along.T
+        gram = np.zeros((len(self), len(self)))
+        for sign, place in self._products():
+            gram += sign * moments.ravel()[place]
+        return gram
+
+    def _products(self) -> list[tuple[float, Ints]]:
+        """φ_a φ_b as four products of cosines: the factor and the place (M, M) of each in a table (2K + 1, 2J + 1)."""
+        differences, sums = np.abs(self.order[:, None] - self.order), self.order[:, None] + self.order
+        width = 2 * int(self.order[:, 0].max(initial=0)) + 1
+        factor = 0.25 / float(self.half_box.prod())
+        pairs = [(differences, differences), (differences, sums), (sums, differences), (sums, sums)]
+        signs = (factor, -factor, -factor, factor)
+        return [(sign, k[:, :, 1] * width + j[:, :, 0]) for sign, (j, k) in zip(signs, pairs, strict=True)]
+
+    def _cosines(self, w: Floats) -> list[Floats]:
+        """Cosines of 0 … 2J and 0 … 2K times each axis' angle: (2J + 1, n) and (2K + 1, n)."""
+        found = []
+        for axis in (0, 1):
+            cosines = np.ones((2 * int(self.order[:, axis].max(initial=0)) + 1, len(w)))
+            cosines[1:] = _multiples(np.pi * (w[:, axis] / self.half_box[axis] + 1.0) / 2.0, len(cosines) - 1)[0]
+            found.append(cosines)
+        return found
 
     def undisplaced(self, weights: Floats, x: Floats) -> Floats:
         """The w (n, 2) with w + g(w) = ``x`` (n, 2), by Newton's method; g is small and smooth."""
@@ -96,7 +117,7 @@ class SineBasis:
             g, slope = self.combine(weights, w[active])
             error = x[active] - g - w[active]
             w[active] += solve_2x2(np.eye(2) + slope, error)
-            active = active[np.abs(error).max(axis=1) >= NEWTON_TOLERANCE]
+            active = active[np.maximum(*np.abs(error.T)) >= NEWTON_TOLERANCE]
         return w
 
     def _frequencies(self, axis: int) -> Floats:
@@ -118,7 +139,7 @@ class SineBasis:
 
 def _paired(along: Floats, across: Floats) -> Floats:
     """Σ_k ``along`` (m, K, n) · ``across`` (K, n): (n, m)."""
-    return np.stack([np.einsum("kn,kn->n", part, across) for part in along], axis=1)
+    return np.asarray(np.einsum("mkn,kn->mn", along, across).T)
 
 
 def _multiples(angle: Floats, count: int) -> tuple[Floats, Floats]:
