@@ -85,3 +85,12 @@ def test_quadratic_forms_are_sums_of_cosines() -> None:
     expected = np.einsum("na,mab,nb->nm", values, matrices, values)
     np.testing.assert_allclose(basis.summed(basis.product_series(matrices), w), expected, atol=1e-11)
 
+
+def test_gram_matrix_by_cosines() -> None:
+    rng = np.random.default_rng(5)
+    basis = sine_basis(np.array([0.8, 0.6]), 0.3)
+    w, weight = rng.uniform(-1.0, 1.0, (200, 2)), rng.uniform(0.5, 2.0, 200)
+    values = basis.values(w)
+    np.testing.assert_allclose(basis.gram(w, weight), (values.T * weight) @ values, atol=1e-11)
+    assert no_basis(HALF).gram(w, weight).shape == (0, 0)
+

@@ -82,6 +82,8 @@ class SineBasis:
 
     def gram(self, w: Floats, weight: Floats) -> Floats:
         """Σ ``weight`` φ φᵀ (M, M) over points ``w`` (n, 2), by the sums of far fewer products of cosines."""
+        if not len(self):
+            return np.zeros((0, 0))
         along, across = self._cosines(w)
         moments = (across * weight) @ along.T
         gram = np.zeros((len(self), len(self)))

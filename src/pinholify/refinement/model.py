@@ -91,10 +91,12 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation:
-    """∂ prediction: ``basis`` φ (N, M) for each output's own weights, ``shared`` (N, 2, P) by (β, η),
-    ``pose`` (N, 2, 6).
+    """∂ prediction: φ (N, M) of ``functions`` at ``undisplaced`` (N, 2) as ``basis`` for each output's own weights,
+    ``shared`` (N, 2, P) by (β, η), ``pose`` (N, 2, 6).
     """
 
+    functions: SineBasis
+    undisplaced: Floats
     basis: Floats
     shared: Floats
     pose: Floats
@@ -133,4 +135,5 @@ class Model:
         by_eta = self.shape.slopes(by_camera @ state.rotations[seen.view], seen.lattice)
         shared = np.concatenate([by_beta, by_eta], axis=2)
         by_turn = np.cross(at.turned[:, None, :], by_camera)
-        return Linearisation(self.basis.values(at.undisplaced), shared, np.concatenate([by_turn, by_camera], axis=2))
+        pose = np.concatenate([by_turn, by_camera], axis=2)
+        return Linearisation(self.basis, at.undisplaced, self.basis.values(at.undisplaced), shared, pose)

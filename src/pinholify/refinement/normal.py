@@ -50,7 +50,8 @@ def eliminate(
     basis = linear.basis if (weight == 1.0).all() else linear.basis * root
     dense = np.concatenate([linear.pose, linear.shared, residual[:, :, None]], axis=2)
     dense *= root[:, :, None]
-    matrix, right = _global_blocks(basis, dense[:, :, POSE:], damping)
+    gram = linear.functions.gram(linear.undisplaced, weight)
+    matrix, right = _global_blocks(gram, basis, dense[:, :, POSE:], damping)
     products = _board_products(basis, dense, seen)
     blocks = products[:, :, -POSE:] * (1.0 + damping * np.eye(POSE))
     inverse_roots = np.linalg.inv(np.linalg.cholesky(blocks))
@@ -71,11 +72,13 @@ def eliminate(
     )
 
 
-def _global_blocks(basis: Floats, dense: Floats, damping: float) -> tuple[Floats, Floats]:
-    """The globals' matrix and right-hand side; ``dense`` (N, 2, P + 1) are the shared derivatives and the residual."""
+def _global_blocks(gram: Floats, basis: Floats, dense: Floats, damping: float) -> tuple[Floats, Floats]:
+    """The globals' matrix and right-hand side; ``gram`` is that of ``basis``, ``dense`` (N, 2, P + 1) are the shared
+    derivatives and the residual.
+    """
     m, p = basis.shape[1], dense.shape[2] - 1
     matrix, right = np.zeros((2 * m + p, 2 * m + p)), np.empty(2 * m + p)
-    matrix[:m, :m] = matrix[m : 2 * m, m : 2 * m] = basis.T @ basis
+    matrix[:m, :m] = matrix[m : 2 * m, m : 2 * m] = gram
     for axis in (0, 1):
         rows = slice(axis * m, (axis + 1) * m)
         products = basis.T @ dense[:, axis]
