@@ -46,9 +46,9 @@ def calibrate(
     ``reference`` names the image whose board fixes the camera's frame (the largest by default). ``method`` is
     ``one-image`` (the paper's: that board alone makes the map), ``joint`` (all boards do), or ``auto``: joint from four
     boards on. ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp` and
-    :mod:`pinholify.refinement`. ``mirrored`` says that the image is a reflection, ``start`` is a camera that is
-    roughly the one looked for, with which joint begins: where boards are too strange to begin without, or to be sure of
-    the same answer; one that does not fit is left aside. ``square_mm`` is the side of a square.
+    :mod:`pinholify.refinement`. ``mirrored`` says that the image is a reflection, ``square_mm`` a square's side in mm.
+    ``start`` is a camera that is roughly the one looked for: joint begins with it where it explains the corners clearly
+    better than what is found without, and ``details["start_fits"]`` is False where it does not explain them at all.
     ``progress`` hears a line a stage. A circle grid's discs are centred once a first camera is known, and a second one
     made from their centres, and once more. A board counted the other way round is renumbered, and
     ``details["renumbered_boards"]`` says so. Raises InputError, CalibrationError or DegenerateError.
@@ -124,7 +124,7 @@ def _calibration(result: JointResult, corner_set: CornerSet, reference: str, squ
         "dropped_corners": result.dropped_corners,
         "board_bow_squares": shape.bow,
         "board_stretch": shape.stretch,
-        "start_used": result.start_used,
+        "start_fits": result.start_fits,
         "board_bow_mm": None if shape.bow is None or square_mm is None else shape.bow * square_mm,
     }
     flat_points, middle = lattice(corner_set.board), lattice(corner_set.board).mean(axis=0)

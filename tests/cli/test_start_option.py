@@ -46,7 +46,7 @@ def test_an_imported_camera_a_tenth_off_ends_at_the_same_camera(run, table, thei
     assert run("calibrate", "--corners", table, *JOINT, "-o", "without.npz").status == 0
     led = run("calibrate", "--corners", table, *JOINT, "--start", theirs(), "--json", "-o", "led.npz")
     assert (led.status, led.err) == (0, "")
-    assert json.loads(led.out)["details"]["start_used"] is True
+    assert json.loads(led.out)["details"]["start_fits"] is True
     uv = np.array([[100.0, 80.0], [320.0, 240.0], [560.0, 400.0]])
     rays = [read_camera(name).camera.to_rays(uv).directions for name in ("without.npz", "led.npz")]
     np.testing.assert_allclose(*rays, atol=1e-5)
@@ -54,7 +54,7 @@ def test_an_imported_camera_a_tenth_off_ends_at_the_same_camera(run, table, thei
 
 def test_a_camera_of_our_own(run, table, camera):
     led = run("calibrate", "--corners", table, *JOINT, "--start", camera, "--json", "-o", "led.npz")
-    assert json.loads(led.out)["details"]["start_used"] is True
+    assert json.loads(led.out)["details"]["start_fits"] is True
     assert json.loads(led.out)["method"] == "joint"
 
 

@@ -126,7 +126,7 @@ def command(
             compare_opencv=opencv,
         )
     write_camera(output, calibration)
-    if calibration.details.get("start_used") is False:
+    if calibration.details.get("start_fits") is False:
         say(f"'{start}' was left aside as a start, it does not explain the corners: is it this camera, in this mode?")
     verdict = judge(evaluation, corner_set)
     if as_json:

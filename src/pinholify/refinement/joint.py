@@ -81,7 +81,7 @@ def refine(
         _covered(everything),
         SHORTEST * _spacing(everything),
     )
-    first, led = first_solution(setting, everything.thinned(), given)
+    first, fits = first_solution(setting, everything.thinned(), given)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
     seen, known = screen(first, everything)
     finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
@@ -96,7 +96,7 @@ def refine(
     say(f"noise {settled.hyperparameters.noise * frame.scale:.4g} px with trend {settled.model.trend.name}")
     evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in finalists)
     result = _result(corner_set, cleaned, everything, frame, reference, kernel, evidences, unusable)
-    return result if given is None else replace(result, start_used=led)
+    return result if given is None else replace(result, start_fits=fits)
 
 
 def _refined(

@@ -43,8 +43,8 @@ class JointResult:
     the corners of each view that was used; a residual is nan where the camera sees nothing. ``dropped`` says
     which views were not used, and why; ``dropped_corners`` how many corners of a used view were.
     ``candidates`` are the trends tried (``+gp`` with the process) with their log evidence per squared px;
-    ``kernel_px`` is (σ_f, length scales) in px, empty where the evidence switched the process off. ``start_used``:
-    whether the camera that was given as a start led to this one; None where none was given.
+    ``kernel_px`` is (σ_f, length scales) in px, empty where the evidence switched the process off. ``start_fits``:
+    whether the camera that was given as a start explains the corners; None where none was given.
     """
 
     camera: VirtualCamera
@@ -60,7 +60,7 @@ class JointResult:
     kernel_px: tuple[float, ...]
     shape: Shape
     log_evidence: float
-    start_used: bool | None = None
+    start_fits: bool | None = None
 
     @property
     def intrinsics_std(self) -> Floats:

@@ -7,7 +7,7 @@ come from the directions of their corners by a direct linear transform, which ra
 The lens under which the middle board fits best starts the solve.
 
 A camera that is given, last month's or another program's, is one lens more: it knows what no scan looks for, such as an
-axis outside the image. Whatever it says, it is left for the scan's where it explains the corners worse.
+axis outside the image. Where it explains the corners clearly better than the scan's, it starts the solve.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ STEPS = 10  # a trend that is not found by then is not the lens's, and is found 
 MISFIT_RATIO = 5.0  # boards that fit this much worse than the middle one wait until the camera is known
 LENSES = 2  # that the scan hands on
 ROBUST = Loss(None, 3.0)
-AS_GOOD = 1.2  # times the noise that the scan's lens leaves, up to which a given camera is believed
+CLEARLY = 1.2  # times the noise of another start
 LEVELLING_GRID = 12  # pixels along each side of the image
 
 
@@ -219,10 +219,11 @@ def scan(seen: Observations, count: int) -> list[SimpleLens]:
 
 
 def first_solution(setting: Setting, seen: Observations, given: GivenLens | None = None) -> tuple[Solution, bool]:
-    """All boards under the best lens, refined robustly as a lens with two radial coefficients; and whether that was
+    """All boards under the best lens, refined robustly as a lens with two radial coefficients; and whether the lens
 
-    the one ``given``. The trend distorts, so it sees every ray, whatever its parameters. Raises CalibrationError where
-    nothing fits.
+    ``given`` explains them as well. The scan's is taken unless the given one is clearly better: a start changes nothing
+    where none is needed. The trend distorts, so it sees every ray, whatever its parameters. Raises CalibrationError
+    where nothing fits.
     """
     model = setting.model(LensTrend(Angles(), True, 2, tangent=False))
     led = None if given is None else _from_given(model, given, seen)
@@ -232,7 +233,10 @@ def first_solution(setting: Setting, seen: Observations, given: GivenLens | None
         if led is None:
             raise
         return led, True
-    return (led, True) if led is not None and led.noise <= AS_GOOD * found.noise else (found, False)
+    if led is None:
+        return found, False
+    better = CLEARLY * led.noise < found.noise
+    return led if better else found, led.noise <= CLEARLY * found.noise
 
 
 def _from_given(model: Model, given: GivenLens, seen: Observations) -> Solution | None:
