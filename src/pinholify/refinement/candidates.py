@@ -38,6 +38,7 @@ from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 SCREENING_LENGTH_SCALE = 0.25  # the shortest that screening resolves, in half diagonals of the image
 FIRST_LENGTH_SCALE = 0.4
 LED_STEPS = 15  # a trend that is not at its end by then is not the lens's
+NEARLY = 0.5  # nats from its end a trend is near enough: its linearised problem knows the rest
 GRID = 15
 FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
 ENDS_COST = np.log(1.25)  # nats a coordinate: a trend that ends within the image has to leave a fifth less noise
@@ -107,7 +108,13 @@ class Candidate:
 
 
 def solve_trend(
-    setting: Setting, trend: Trend, known: Solution, seen: Observations, *, most_steps: int = 30
+    setting: Setting,
+    trend: Trend,
+    known: Solution,
+    seen: Observations,
+    *,
+    most_steps: int = 30,
+    tolerance: float = 0.02,
 ) -> Solution | None:
     """The joint solve of ``trend`` alone from the rays that ``known`` gives its corners; None where it does
     not fit.
@@ -125,12 +132,12 @@ def solve_trend(
         turn @ known.state.rotations,
         known.state.translations @ turn.T,
     )
-    return minimise(model, state, seen, model.trend_precision(), Loss(), most_steps=most_steps)
+    return minimise(model, state, seen, model.trend_precision(), Loss(), most_steps=most_steps, tolerance=tolerance)
 
 
 def led(setting: Setting, trend: Trend, known: Solution, seen: Observations) -> Solution | None:
     """:func:`solve_trend` for some of the corners, and the one step that makes up for what the others say."""
-    near = solve_trend(setting, trend, known, seen.thinned())
+    near = solve_trend(setting, trend, known, seen.thinned(), tolerance=NEARLY)
     if near is None:
         return None
     return minimise(near.model, near.state, seen, near.model.trend_precision(), Loss(), most_steps=1)
@@ -159,7 +166,7 @@ class Solved:
 
 def solve(setting: Setting, search: Search, known: Solution, seen: Observations) -> Solved | None:
     """``search`` without process; None where it does not fit."""
-    solution = solve_trend(setting, search.general, known, seen, most_steps=LED_STEPS)
+    solution = solve_trend(setting, search.general, known, seen, most_steps=LED_STEPS, tolerance=NEARLY)
     if solution is None:
         return None
     try:
