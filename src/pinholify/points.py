@@ -32,7 +32,7 @@ FEWEST_POINTS = 4
 MANY = 20_000
 TOLERANCE = 5e-4  # px
 TABLES = 8  # kept of each kind
-SAMPLES = 24  # along each side of the image, to see which directions it holds
+SAMPLES = 12  # along each side of the image, to see which directions it holds
 WIDEST = np.cos(np.deg2rad(80.0))  # from the mean ray; beyond, a plane across it is no place for a first guess
 
 
