@@ -9,6 +9,7 @@ spectral density.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -70,7 +71,7 @@ class SineBasis:
         """
         width, height = 2 * self.order.max(axis=0, initial=0) + 1
         series = np.zeros((len(matrices), height * width))
-        for sign, place in self._products():
+        for sign, place in _products(self):
             for row, matrix in zip(series, matrices, strict=True):
                 row += sign * np.bincount(place.ravel(), matrix.ravel(), len(row))
         return series.reshape(len(matrices), height, width)
@@ -87,18 +88,9 @@ class SineBasis:
         along, across = self._cosines(w)
         moments = (across * weight) @ along.T
         gram = np.zeros((len(self), len(self)))
-        for sign, place in self._products():
-            gram += sign * moments.ravel()[place]
+        for sign, place in _products(self):
+            gram += (sign * moments).ravel()[place]
         return gram
-
-    def _products(self) -> list[tuple[float, Ints]]:
-        """φ_a φ_b as four products of cosines: the factor and the place (M, M) of each in a table (2K + 1, 2J + 1)."""
-        differences, sums = np.abs(self.order[:, None] - self.order), self.order[:, None] + self.order
-        width = 2 * int(self.order[:, 0].max(initial=0)) + 1
-        factor = 0.25 / float(self.half_box.prod())
-        pairs = [(differences, differences), (differences, sums), (sums, differences), (sums, sums)]
-        signs = (factor, -factor, -factor, factor)
-        return [(sign, k[:, :, 1] * width + j[:, :, 0]) for sign, (j, k) in zip(signs, pairs, strict=True)]
 
     def _cosines(self, w: Floats) -> list[Floats]:
         """Cosines of 0 … 2J and 0 … 2K times each axis' angle: (2J + 1, n) and (2K + 1, n)."""
@@ -139,6 +131,18 @@ class SineBasis:
         return [_multiples(a, count) for a, count in zip(angles.T, self.order.max(axis=0, initial=0), strict=True)]
 
 
+@lru_cache(maxsize=4)
+def _products(basis: SineBasis) -> list[tuple[float, Ints]]:
+    """φ_a φ_b as four products of cosines: the factor and the place (M, M) of each in a table (2K + 1, 2J + 1)."""
+    order = basis.order
+    differences, sums = np.abs(order[:, None] - order), order[:, None] + order
+    width = 2 * int(order[:, 0].max(initial=0)) + 1
+    factor = 0.25 / float(basis.half_box.prod())
+    pairs = [(differences, differences), (differences, sums), (sums, differences), (sums, sums)]
+    signs = (factor, -factor, -factor, factor)
+    return [(sign, k[:, :, 1] * width + j[:, :, 0]) for sign, (j, k) in zip(signs, pairs, strict=True)]
+
+
 def _paired(along: Floats, across: Floats) -> Floats:
     """Σ_k ``along`` (m, K, n) · ``across`` (K, n): (n, m)."""
     return np.asarray(np.einsum("mkn,kn->mn", along, across).T)
@@ -156,7 +160,12 @@ def _multiples(angle: Floats, count: int) -> tuple[Floats, Floats]:
 
 def sine_basis(half_size: Floats, length_scale: float) -> SineBasis:
     """The functions that a process of ``length_scale`` or longer needs on an image of ``half_size`` (2,)."""
-    half_box = half_size + MARGIN
+    return _sine_basis(tuple(half_size), length_scale)
+
+
+@lru_cache(maxsize=4)
+def _sine_basis(half_size: tuple[float, float], length_scale: float) -> SineBasis:
+    half_box = np.array(half_size) + MARGIN
     j, k = (np.arange(1, int(np.ceil(2.0 * box * REACH / (np.pi * length_scale))) + 1) for box in half_box)
     order = np.stack(np.meshgrid(j, k, indexing="ij"), axis=-1).reshape(-1, 2)
     radius = np.linalg.norm(np.pi * order / (2.0 * half_box), axis=1)
