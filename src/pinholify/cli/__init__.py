@@ -11,6 +11,7 @@ import click
 
 from pinholify import __version__
 from pinholify.errors import PinholifyError
+from pinholify.io.memory import keep_freed_memory
 from pinholify.io.threads import one_blas_thread
 
 INTERRUPTED = 130  # as shells count a process that Ctrl-C ended
@@ -72,6 +73,7 @@ def cli() -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit status: 0 done, 1 refused, 2 wrong usage, 130 interrupted."""
     one_blas_thread()
+    keep_freed_memory()
     _accept_any_character()
     try:
         status = cli.main(arguments, prog_name="pinholify", standalone_mode=False)

@@ -20,6 +20,7 @@ from pinholify.corners import CornerSet
 from pinholify.geometry import Pose
 from pinholify.refinement.maps import JointMap
 from pinholify.refinement.model import cross_matrices, rotations_of
+from pinholify.refinement.trends.base import inverse_2x2
 
 NEIGHBOURS = 8
 GRID = 12  # points of the image along each axis over which the next board's gain is averaged
@@ -179,7 +180,7 @@ def _image_grid(image_size: tuple[int, int], count: int) -> Floats:
 
 def _px_features(plane_map: JointMap, uv: Floats) -> Floats:
     """∂(shift of the pixel)/∂unknowns, (n, 2, D)."""
-    return np.asarray(np.linalg.solve(plane_map.jacobian(uv), plane_map.features(uv)))
+    return np.asarray(inverse_2x2(plane_map.jacobian(uv)) @ plane_map.features(uv))
 
 
 def _outline(board: Board) -> Floats:
@@ -218,7 +219,7 @@ def _explained(
     """
     every = max(1, len(uv) // ENOUGH_CORNERS)
     xyz, uv = pose.apply(lattice(board))[::every], uv[::every]
-    by_point = np.linalg.solve(plane_map.jacobian(uv), camera.chart.coordinate_jacobian(xyz))
+    by_point = inverse_2x2(plane_map.jacobian(uv)) @ camera.chart.coordinate_jacobian(xyz)
     own = np.concatenate([-by_point @ cross_matrices(xyz - pose.translation), by_point], axis=2).reshape(-1, 6)
     rows = _px_features(plane_map, uv).reshape(len(own), -1) @ plane_map.root
     rows -= own @ np.linalg.lstsq(own, rows, rcond=None)[0]  # the new board's own pose is free
