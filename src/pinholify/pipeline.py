@@ -111,8 +111,14 @@ def _calibrate(
             f"the corners of the {len(corner_set.found)} boards fit no camera together: "
             "look for wrongly numbered corners"
         ) from None
-    check_determined(result.camera, fewer, name)
+    check_determined(result.camera, _agreeing(fewer, result), name)
     return _calibration(result, corner_set, name, square_mm)
+
+
+def _agreeing(corner_set: CornerSet, result: JointResult) -> CornerSet:
+    """The corners that ``result`` rests on."""
+    used = [view for view in corner_set.views if view.name in result.inliers]
+    return corner_set.with_views(view.select(result.inliers[view.name]) for view in used)
 
 
 def _calibration(result: JointResult, corner_set: CornerSet, reference: str, square_mm: float | None) -> Calibration:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pinholify.arrays import Floats
 from pinholify.errors import CalibrationError
-from pinholify.refinement.basis import SineBasis, no_basis, sine_basis
+from pinholify.refinement.basis import REACH, SineBasis, no_basis, sine_basis
 from pinholify.refinement.candidates import SCREENING_LENGTH_SCALE, WORTH, Candidate, Setting, solve_trend
 from pinholify.refinement.evidence import Hyperparameters, Linearised, linearised, maximise_evidence, posterior
 from pinholify.refinement.model import Model, State
@@ -20,6 +20,7 @@ from pinholify.refinement.spectral import LogDensity
 
 ROUNDS = 6
 SETTLED = 0.02  # change of any log hyperparameter
+UNSEEN = 0.3  # of the noise: what the functions may leave out of the process, as a standard deviation
 SAFETY = 0.9  # length scales down to this part of the present one are carried
 FINEST = 0.11  # half diagonals: what 500 functions carry
 STEPS, CONVERGED = 20, 0.02  # nats that the last step promises; it is taken, and leaves far less
@@ -91,10 +92,11 @@ def settle(
         )
         moved = np.abs(_logarithms(fit.hyperparameters) - _logarithms(hyperparameters)).max()
         hyperparameters, state = fit.hyperparameters, settled.solution.state
-        crowded = resolved > FINEST and SAFETY**0.5 * _length_scale(hyperparameters) < resolved
+        finest = _finest_detail(hyperparameters)
+        crowded = resolved > FINEST and SAFETY**0.5 * finest < resolved
         if moved < SETTLED and not crowded:
             break
-        if crowded or _length_scale(hyperparameters) > 2.0 * resolved / SAFETY:
+        if crowded or finest > 2.0 * resolved / SAFETY:
             resolved = _resolved(hyperparameters)
     frequencies = settled.model.basis.frequencies
     precision = hyperparameters.precision(setting.density, frequencies, settled.problem.precision)
@@ -154,13 +156,20 @@ def _found(solution: Solution | None, model: Model) -> Solution:
     return solution
 
 
-def _length_scale(hyperparameters: Hyperparameters) -> float:
-    """The shortest; infinite where the process is off."""
-    return float(np.exp(hyperparameters.kernel[1:].min(initial=np.inf)))
-
-
 def _resolved(hyperparameters: Hyperparameters) -> float:
-    return max(FINEST, SAFETY * _length_scale(hyperparameters))
+    return max(FINEST, SAFETY * _finest_detail(hyperparameters))
+
+
+def _finest_detail(hyperparameters: Hyperparameters) -> float:
+    """The length scale whose functions leave less of the process out than shows in the noise; infinite without one.
+
+    Beyond the frequency ω an SE process of length scale l has the share exp(−(ωl)²/2) of its variance.
+    """
+    if not len(hyperparameters.kernel):
+        return np.inf
+    shown = np.exp(hyperparameters.kernel[0]) / (UNSEEN * hyperparameters.noise)
+    needed = 2.0 * np.sqrt(np.log(max(shown, 1.0)))
+    return float(np.exp(hyperparameters.kernel[1:].min()) * REACH / max(needed, REACH))
 
 
 def _basis(setting: Setting, hyperparameters: Hyperparameters, resolved: float) -> SineBasis:
