@@ -10,7 +10,7 @@ from pinholify.charts import angles_to_directions, directions_to_angles
 from pinholify.refinement.trends.base import Trend
 
 STEPS = 25
-ENOUGH = 1000  # rays that tell a start as well as many more
+ENOUGH = 400  # rays that tell a start as well as many more
 ROUGH_NOISE = 1e-3  # normalised image units: what the priors are weighed against
 
 
