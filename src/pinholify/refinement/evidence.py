@@ -127,7 +127,7 @@ class Posterior:
 
     def covariance(self) -> Floats:
         """The posterior covariance in units of the prior's, (D, D): its lower triangle, zeros above."""
-        return np.tril(dpotri(self.cholesky, lower=1)[0])
+        return np.asarray(dpotri(self.cholesky.T, lower=0)[0].T)  # transposed, it is copied as it stands
 
 
 def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
