@@ -6,8 +6,8 @@
 BENCH_FOLDER holds ``cases.py`` (synthetic corners with true rays), ``peer_mrcal.sh`` and ``peer_python.py``. Peers that
 are not installed are left out; PYTHON is an interpreter that has lensboy, OpenCV and SciPy, where this one has not.
 Errors are those of the rays, best rotation removed, in px rms inside the hull of all corners and over the whole image;
-times are of whole processes, on all processors together, ours without scoring itself, the shortest of three; modules are
-compiled before, as an installed program's are. The last columns are ours ÷ theirs.
+times are of whole processes, on all processors together, ours without scoring itself, the shortest of three; modules
+are compiled before, as an installed program's are. The last columns are ours ÷ theirs.
 
 With ``--real``, DATA holds folders of photographs (``REAL``). Every other complete board calibrates, the others are
 scored: each peer gives rays of their corners, a pose for each board and one shape for all of them are fitted, since
