@@ -1,18 +1,21 @@
 """Gross errors cost what the corners would that they spoil, and no more; precise corners are not taken for wrong."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from pinholify import calibrate
+from pinholify.board import Checkerboard
 from pinholify.corners import Corners, CornerSet
-from pinholify.refinement import refine
+from pinholify.refinement import joint, refine
 from pinholify.refinement.basis import REACH
 from pinholify.refinement.evidence import Hyperparameters
 from pinholify.refinement.settle import FINEST, UNSEEN, _resolved
+from pinholify.simulation.datasets import DATASETS
 from pinholify.simulation.demo import DEMO
-from pinholify.simulation.views import true_corners
+from pinholify.simulation.views import board_poses, true_corners
 
 from .conftest import BOARD, SIZE, Scene, make_scene, ray_errors_px
 
@@ -48,6 +51,25 @@ def test_wrong_corners_and_reversed_boards_cost_what_the_missing_corners_do(name
         scene = make_scene(name, seed=seed)
         wrong, without = spoilt(scene.corners, seed)
         assert error_px(scene, wrong) == pytest.approx(error_px(scene, without), abs=0.005)
+
+
+def test_a_trend_tells_wrong_corners_before_the_full_solve(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Behind a strong lens the first solution leaves so much that a tenth of wrong corners hides in it."""
+    lens, board, rng = DATASETS["unity-pincushion"].lens, Checkerboard(15, 9), np.random.default_rng(12)
+    views, hits = [], []
+    for i, pose in enumerate(board_poses((lens,), board, 20, seed=0)):
+        uv = true_corners(lens, board, pose)
+        hit = rng.random(len(uv)) < 0.1
+        angle, length = rng.uniform(0, 2 * np.pi, len(uv)), rng.uniform(5, 50, len(uv)) * hit
+        moved = np.column_stack([np.cos(angle), np.sin(angle)]) * length[:, None]
+        views.append(Corners(f"view{i:02d}", np.arange(len(uv)), uv + rng.normal(0, 0.1, uv.shape) + moved))
+        hits.append(hit)
+    solves = Mock(side_effect=joint.clean)
+    monkeypatch.setattr(joint, "clean", solves)
+    result = refine(CornerSet(board, lens.size, tuple(views)), reference="view00")
+    assert solves.call_count == 1
+    assert result.noise_px == pytest.approx(0.1, rel=0.03)
+    assert sum(result.dropped_corners.values()) == np.sum(hits)
 
 
 @pytest.mark.slow

@@ -119,10 +119,11 @@ def solve_trend(
     """The joint solve of ``trend`` alone from the rays that ``known`` gives its corners; None where it does
     not fit.
     """
-    turn = levelling_rotation(known.prediction.undisplaced, known.prediction.camera) if trend.level else np.eye(3)
+    at = known.prediction  # where it sees them: a process that it has is for the trend to make good
+    turn = levelling_rotation(at.image, at.camera) if trend.level else np.eye(3)
     model = setting.model(trend)
     near = trend.resembling(known.model.trend, known.state.beta)
-    beta = fit_trend(trend, known.prediction.undisplaced, known.prediction.camera @ turn.T, near)
+    beta = fit_trend(trend, at.image, at.camera @ turn.T, near)
     if beta is None:
         return None
     state = State(

@@ -14,12 +14,12 @@ from pinholify.refinement.model import State
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.outliers import consistent, locally_consistent, misfitting_boards, with_enough
 from pinholify.refinement.settle import Settled, settle
-from pinholify.refinement.solver import Loss, Solution, minimise
+from pinholify.refinement.solver import Loss, Solution, lengths, minimise, robust_scale
 from pinholify.refinement.start import ROBUST, STEPS, reposed
 
-LOOKS = 2
 ROUNDS = 3
 HALF = 0.5
+FAR = 4.0  # robust standard deviations, beyond which honest corners have a small part of the squares
 NOISIER = 1.02  # times the noise, above which wrong corners hid some of the lens from the choice of the trend
 
 
@@ -43,10 +43,8 @@ def screen(first: Solution, everything: Observations) -> tuple[Observations, Sol
 
     A second look finds what hid on boards that the first solution had not placed yet.
     """
-    seen, known = everything, first
-    for _ in range(LOOKS):
-        seen, known = _screened(known, seen)
-    return seen, known
+    seen, known = _screened(first, everything)
+    return _screened(known, seen) if spoilt(known, seen) else (seen, known)
 
 
 def _screened(first: Solution, everything: Observations) -> tuple[Observations, Solution]:
@@ -61,6 +59,17 @@ def _screened(first: Solution, everything: Observations) -> tuple[Observations, 
     if known is None:
         raise CalibrationError("the joint solve broke down at its start: look for a wrong board size")
     return seen, known
+
+
+def spoilt(solution: Solution, seen: Observations) -> bool:
+    """Whether corners that do not agree with their neighbours raise the noise that ``solution`` leaves."""
+    residual = solution.model.predict(solution.state, seen).residual
+    length = lengths(residual, seen.weight)
+    squared, near = length**2, length < FAR * robust_scale(length)
+    if squared.sum() <= NOISIER**2 * squared[near].sum():
+        return False
+    keep = locally_consistent(residual, seen)
+    return bool(squared.sum() > NOISIER**2 * squared[keep].sum())
 
 
 def clean(setting: Setting, best: Candidate, seen: Observations, everything: Observations) -> Cleaned:

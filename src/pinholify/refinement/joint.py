@@ -14,7 +14,7 @@ from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement.candidates import Candidate, Setting, candidates, contest
-from pinholify.refinement.cleaning import Cleaned, clean, screen
+from pinholify.refinement.cleaning import Cleaned, clean, screen, spoilt
 from pinholify.refinement.observations import (
     ImageFrame,
     Observations,
@@ -108,7 +108,10 @@ def _refined(
     trend: str,
 ) -> tuple[list[Candidate], Cleaned]:
     """The finalists, best first, and the first one that can be solved in full, cleaned."""
-    tried = sorted(candidates(setting, stages, known, seen), key=lambda candidate: -candidate.score)
+    tried = _ranked(setting, stages, known, seen)
+    if tried and spoilt(tried[0].origin, seen):  # by corners that the first solution could not tell from good ones
+        seen, known = screen(tried[0].origin, seen)
+        tried = _ranked(setting, stages, known, seen)
     finalists = contest(setting, stages, tried, seen)
     for candidate in (*finalists, *tried[:SECOND_CHOICES]):
         shape, fitted = best_shape(setting, candidate)
@@ -119,6 +122,13 @@ def _refined(
     raise CalibrationError(
         f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"
     )
+
+
+def _ranked(
+    setting: Setting, stages: Sequence[Sequence[Search]], known: Solution, seen: Observations
+) -> list[Candidate]:
+    """All candidates, best first."""
+    return sorted(candidates(setting, stages, known, seen), key=lambda candidate: -candidate.score)
 
 
 def _check(reference: str, views: list[Corners], unusable: Mapping[str, str]) -> None:

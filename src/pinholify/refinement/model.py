@@ -73,7 +73,7 @@ def cross_matrices(vectors: Floats) -> Floats:
 class Prediction:
     """What a state says: ``turned`` (N, 3) board points in the camera's axes, ``camera`` (N, 3) the same from
     the optical centre, ``chart`` (N, 2), ``undisplaced`` w (N, 2), ``slope`` (N, 2, 2) = ∂(w + g)/∂w,
-    ``residual`` (N, 2). Corners that the trend cannot see are nan.
+    ``image`` w + g (N, 2), ``residual`` (N, 2). Corners that the trend cannot see are nan.
     """
 
     turned: Floats
@@ -81,6 +81,7 @@ class Prediction:
     chart: Floats
     undisplaced: Floats
     slope: Floats
+    image: Floats
     residual: Floats
 
     @property
@@ -122,9 +123,9 @@ class Model:
         chart = self.trend.chart.coordinates(camera)
         w = self.trend.image(state.beta, chart, seen.image)
         if not len(self.basis):
-            return Prediction(turned, camera, chart, w, np.broadcast_to(np.eye(2), (len(w), 2, 2)), seen.image - w)
+            return Prediction(turned, camera, chart, w, np.broadcast_to(np.eye(2), (len(w), 2, 2)), w, seen.image - w)
         g, gradient = self.basis.combine(state.weights, w)
-        return Prediction(turned, camera, chart, w, np.eye(2) + gradient, seen.image - w - g)
+        return Prediction(turned, camera, chart, w, np.eye(2) + gradient, w + g, seen.image - w - g)
 
     def linearise(self, state: State, seen: Observations, at: Prediction) -> Linearisation:
         """The derivatives of the prediction ``at`` ``state``."""
