@@ -10,7 +10,7 @@ import numpy as np
 
 from pinholify.board import lattice
 from pinholify.calibration.circles import local_centres, needs_centres, true_centres
-from pinholify.calibration.condensing import condensed
+from pinholify.calibration.condensing import block_side, condensed, spoken_for
 from pinholify.calibration.numbering import check_most_count_alike, numbered_alike
 from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_view
 from pinholify.calibration.result import Calibration
@@ -100,7 +100,8 @@ def _calibrate(
             corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
         )
     name = reference_view(corner_set, reference).name
-    fewer = condensed(corner_set, max(MOST_FOR_JOINT, SPARSE * len(corner_set.found)))
+    most = max(MOST_FOR_JOINT, SPARSE * len(corner_set.found))
+    fewer = condensed(corner_set, most)
     try:
         result = refine(
             fewer, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, start=start, progress=progress
@@ -112,7 +113,19 @@ def _calibrate(
             "look for wrongly numbered corners"
         ) from None
     check_determined(result.camera, _agreeing(fewer, result), name)
-    return _calibration(result, corner_set, name, square_mm)
+    wrong = _wrong_corners(corner_set, fewer, result, block_side(sum(map(len, corner_set.found)), most))
+    return _calibration(result, wrong, corner_set, name, square_mm)
+
+
+def _wrong_corners(
+    corner_set: CornerSet, fewer: CornerSet, result: JointResult, side: int
+) -> dict[str, list[int]]:
+    """Ids by view of the corners that ``result`` found wrong, or that ``fewer``'s wrong points speak for."""
+    views = {view.name: view for view in corner_set.views}
+    wrong = {view.name: view.ids[~result.inliers[view.name]] for view in fewer.views if view.name in result.inliers}
+    return {
+        name: spoken_for(views[name], corner_set.board, side, ids).tolist() for name, ids in wrong.items() if len(ids)
+    }
 
 
 def _agreeing(corner_set: CornerSet, result: JointResult) -> CornerSet:
@@ -121,13 +134,20 @@ def _agreeing(corner_set: CornerSet, result: JointResult) -> CornerSet:
     return corner_set.with_views(view.select(result.inliers[view.name]) for view in used)
 
 
-def _calibration(result: JointResult, corner_set: CornerSet, reference: str, square_mm: float | None) -> Calibration:
+def _calibration(
+    result: JointResult,
+    wrong: dict[str, list[int]],
+    corner_set: CornerSet,
+    reference: str,
+    square_mm: float | None,
+) -> Calibration:
     shape = result.shape
     details: dict[str, object] = {
         "log_evidence": dict(result.candidates),
         "kernel_px": [float(v) for v in result.kernel_px],
         "dropped_boards": dict(result.dropped),
         "dropped_corners": result.dropped_corners,
+        "wrong_corners": wrong,
         "board_bow_squares": shape.bow,
         "board_stretch": shape.stretch,
         "start_fits": result.start_fits,

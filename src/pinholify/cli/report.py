@@ -10,12 +10,18 @@ import numpy as np
 from pinholify.calibration.result import Calibration
 from pinholify.evaluation.summary import Evaluation
 from pinholify.evaluation.verdict import Verdict
+from pinholify.evaluation.wrong_corners import sentences
 
 if TYPE_CHECKING:  # slow to load, and --json prints no table
     from rich.table import Table
 
 ASIDE_SHOWN = 8
 WIDTH = 78
+
+
+def _wrong(evaluation: Evaluation) -> dict[str, Any]:
+    wrong = evaluation.wrong
+    return {"count": wrong.count, "of": wrong.found, "share": wrong.share, "by_image": wrong.counts}
 
 
 def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
@@ -46,6 +52,7 @@ def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
                 "note": b.note,
                 "corners": b.corners,
                 "inside": b.inside,
+                "wrong": b.wrong,
                 "ce": b.ce,
                 "re_percent": b.re_percent,
                 "re_refined_percent": b.re_refined_percent,
@@ -63,6 +70,7 @@ def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
             "re_px": evaluation.pooled_without_reference.re_px,
         },
         "pinholeness": evaluation.pinholeness,
+        "wrong_corners": _wrong(evaluation),
         "noise_px": calibration.camera.noise_px,
         "heldout_px": evaluation.heldout_px,
         "heldout_kfold_px": evaluation.kfold_px,
@@ -76,6 +84,7 @@ def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
             "coverage": verdict.coverage,
             "residual_correlation": verdict.structure.correlation,
             "residual_structure_p_value": verdict.structure.p_value,
+            "wrong_corners_structure_p_value": verdict.left_out.p_value,
             "suspicious_boards": {s.name: s.ratio for s in verdict.suspicious},
             "next_board_px": None if verdict.next_board is None else verdict.next_board.outline.tolist(),
         },
@@ -102,7 +111,7 @@ def print_evaluation(evaluation: Evaluation, verdict: Verdict) -> None:
     if evaluation.heldout_px is None and evaluation.heldout_reason:
         console.print(f"  no held-out error: {escape(evaluation.heldout_reason)}")
     console.print(f"[bold]{escape(textwrap.fill(verdict.sentence, WIDTH))}[/]")
-    for line in (*_set_aside(evaluation), *_renumbered(evaluation)):
+    for line in (*sentences(evaluation.wrong), *_set_aside(evaluation), *_renumbered(evaluation)):
         console.print(f"  [dim]{escape(line)}[/]")
 
 

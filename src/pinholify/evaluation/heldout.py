@@ -14,6 +14,7 @@ from pinholify.calibration.result import Calibration
 from pinholify.corners import Corners, CornerSet
 from pinholify.evaluation.baseline import BoardPoints, fit_opencv
 from pinholify.evaluation.measures import rms
+from pinholify.evaluation.wrong_corners import wrong_corners
 from pinholify.geometry import ConvexRegion, convex_hull
 
 MINIMUM_CORNERS = 20
@@ -45,8 +46,11 @@ def alternating_split(corner_set: CornerSet, views: Sequence[Corners]) -> Split:
 
 
 def unseen_split(calibration: Calibration, views: Sequence[Corners]) -> Split:
-    """All boards of ``calibration`` train, all of ``views`` are scored: inside its domain where it was imported."""
-    trained = calibration.corner_set
+    """All boards of ``calibration`` train, without the corners that its fit left out as wrong; all of ``views`` are
+
+    scored: inside its domain where it was imported.
+    """
+    trained = wrong_corners(calibration, calibration.corner_set).left_out_of(calibration.corner_set)
     if not trained.found:
         return Split((), _scored(trained, calibration.camera.domain.hull, views))
     return _split(trained, trained.found, views)

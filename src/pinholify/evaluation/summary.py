@@ -34,6 +34,7 @@ from pinholify.evaluation.measures import (
     rms,
     root_mean_square,
 )
+from pinholify.evaluation.wrong_corners import WrongCorners, wrong_corners
 
 FOLDS = 5
 NOT_ASKED = "not asked for"
@@ -50,9 +51,9 @@ Recalibrate = Callable[[CornerSet, str], Calibration]
 
 @dataclass(frozen=True, slots=True)
 class BoardScore:
-    """One image: its board's corners, how many count, and its errors where the board counts; ``note`` says what was
+    """One image: its board's corners, how many count, and its errors where the board counts.
 
-    done to its corners.
+    ``note`` says what was done to its corners. ``wrong`` of them belong to no board: they are in none of the figures.
     """
 
     file: str
@@ -65,6 +66,7 @@ class BoardScore:
     re_refined_percent: float | None = None
     misfit_px: float | None = None
     note: str = ""
+    wrong: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +95,7 @@ class Evaluation:
     ``pooled`` counts all boards, ``pooled_without_reference`` leaves out the reference, which the map was fitted to.
     ``heldout_px`` trains anew on half the boards, or, on photographs the camera was not made from, takes it as it is
     (OpenCV's models then train on the camera's own photographs); ``kfold_px`` on all but a fifth, where asked for.
+    ``wrong`` are the corners that the fit found grossly wrong: no measure of any method knows them.
     """
 
     calibration: Calibration
@@ -106,6 +109,7 @@ class Evaluation:
     heldout_reason: str
     kfold_px: float | None
     opencv: dict[str, OpenCVScore]
+    wrong: WrongCorners
 
 
 def evaluate(
@@ -116,19 +120,24 @@ def evaluate(
     compare_opencv: bool = True,
     kfold: bool = False,
 ) -> Evaluation:
-    """Score ``calibration`` on ``corner_set``; held-out errors need ``recalibrate``."""
+    """Score ``calibration`` on ``corner_set``; held-out errors need ``recalibrate``.
+
+    Corners that its fit found grossly wrong are left out for every method, in what trains and in what is scored.
+    """
     corner_set, notes = numbered_alike(corner_set, calibration.camera.mirrored)
     corner_set = centred(corner_set, calibration)
+    strange, wrong = unseen(calibration, corner_set), wrong_corners(calibration, corner_set)
+    corner_set = wrong.left_out_of(corner_set)
     mapped, observed = observe(calibration.camera, corner_set, calibration.solid)
     if not observed:
         reasons = sorted({b.reason for b in mapped if b.corners}) or ["no board was found"]
         raise CalibrationError(
             f"none of the {len(mapped)} images can be scored ({reasons[0]}): "
-            + (ELSEWHERE if unseen(calibration, corner_set) else UNDETERMINED)
+            + (ELSEWHERE if strange else UNDETERMINED)
         )
     lines = pinhole_lines(calibration.camera, list(observed.values()))
     views = [v for v in corner_set.views if v.name in observed]
-    if unseen(calibration, corner_set):
+    if strange:
         split = unseen_split(calibration, corner_set.found)
         heldout, reason = heldout_rms(camera_residuals(calibration), split.test), NO_BOARD_LOCATED
     else:
@@ -139,7 +148,10 @@ def evaluate(
     measured = {name: _measured(o, calibration) for name, o in observed.items()}
     return Evaluation(
         calibration,
-        tuple(_board_score(board, measured.get(board.name), notes.get(board.name, "")) for board in mapped),
+        tuple(
+            _board_score(board, measured.get(board.name), notes.get(board.name, ""), wrong.counts.get(board.name, 0))
+            for board in mapped
+        ),
         observed,
         _pooled(list(measured.values())),
         _pooled([m for name, m in measured.items() if name != calibration.reference]),
@@ -149,6 +161,7 @@ def evaluate(
         reason if heldout is None else "",
         kfold_px,
         opencv,
+        wrong,
     )
 
 
@@ -179,13 +192,13 @@ def _measured(observed: ObservedBoard, calibration: Calibration) -> _Measured:
     )
 
 
-def _board_score(board: MappedBoard, measured: _Measured | None, note: str) -> BoardScore:
-    inside = int(board.inside.sum())
+def _board_score(board: MappedBoard, measured: _Measured | None, note: str, wrong: int) -> BoardScore:
+    inside, corners = int(board.inside.sum()), board.corners + wrong
     if measured is None:
-        return BoardScore(board.name, False, board.reason, board.corners, inside, note=note)
+        return BoardScore(board.name, False, board.reason, corners, inside, note=note, wrong=wrong)
     ce = float(measured.lines.mean())
     percents = measured.re_percent, measured.re_refined_percent
-    return BoardScore(board.name, True, "", board.corners, inside, ce, *percents, board.misfit_px, note)
+    return BoardScore(board.name, True, "", corners, inside, ce, *percents, board.misfit_px, note, wrong)
 
 
 def _pooled(boards: Sequence[_Measured]) -> Pooled:

@@ -11,6 +11,7 @@ from pinholify.arrays import Bools, Floats
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
 from pinholify.evaluation.summary import NOT_ASKED, Evaluation
+from pinholify.evaluation.wrong_corners import MANY, TOO_MANY
 from pinholify.refinement.diagnosis import (
     BoardSuspicion,
     NextBoard,
@@ -25,6 +26,7 @@ FAIR_RATIO = 1.5
 POOR_FOCAL = 0.02  # relative standard deviation of f
 ENOUGH_COVERAGE = 0.6
 STRUCTURED = 0.01  # p-value
+ALIKE = 1e-4  # p-value: wrong corners that err alike are no chance errors, and hide what the camera does not explain
 WRONG_RATIO = 2.0  # times the residuals of the other boards
 FINEST_PX = 0.03  # a point: corners are found no finer even in faultless pictures, so that less says nothing
 GRID = 64
@@ -43,9 +45,10 @@ class Residuals:
 class Verdict:
     """``level`` is good, fair or poor; ``sentence`` says why.
 
-    ``structure`` tests whether residuals close together are alike, ``coverage`` is the share of the image where the
-    camera may be believed, ``suspicious`` are boards whose residuals are too large, ``next_board`` where one more
-    photograph would help most (joint cameras alone).
+    ``structure`` tests whether residuals close together are alike, ``left_out`` whether the wrong corners, which are in
+    no measure, err alike. ``coverage`` is the share of the image where the camera may be believed, ``suspicious`` are
+    boards whose residuals are too large, ``next_board`` where one more photograph would help most (joint cameras
+    alone).
     """
 
     level: str
@@ -54,22 +57,24 @@ class Verdict:
     coverage: float
     suspicious: tuple[BoardSuspicion, ...]
     next_board: NextBoard | None
+    left_out: Structure
 
 
 def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
     """The verdict on an ``evaluation`` of a calibration with ``corner_set``."""
     camera = evaluation.calibration.camera
     seen = residuals_of(evaluation, corner_set)
-    structure = residual_structure(seen, corner_set) if seen.residuals else Structure(0.0, 1.0)
+    structure = structure_of(seen, corner_set)
     suspicious = tuple(s for s in suspicious_boards(seen, corner_set) if s.ratio > WRONG_RATIO)
     covered = coverage(camera)
     advice = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
-    level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, structure, suspicious)
+    left_out = structure_of(errors_left_out(evaluation, corner_set), corner_set)
+    level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, structure, left_out, suspicious)
     sentence = f"{level.capitalize()}: {_held_out(evaluation)}, {_known(evaluation)}"
     sentence += "".join(f"; {reason}" for reason in reasons)
     if advice is not None:
         sentence += f"; to gain most, photograph the board {place(advice, camera.image_size)}"
-    return Verdict(level, sentence + ".", structure, covered, suspicious, advice)
+    return Verdict(level, sentence + ".", structure, covered, suspicious, advice, left_out)
 
 
 def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
@@ -79,19 +84,43 @@ def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
         observed = evaluation.observed.get(view.name)
         if observed is None:
             continue
-        board = observed.board
+        counted = evaluation.wrong.belonging(view)
+        counted[counted] = observed.board.inside
         each = np.full((len(view), 2), np.nan)
-        each[board.inside] = observed.residual_px
-        residuals[view.name], inliers[view.name] = each, board.inside & np.isfinite(each).all(axis=1)
+        each[counted] = observed.residual_px
+        residuals[view.name], inliers[view.name] = each, counted & np.isfinite(each).all(axis=1)
     # A board can only look wrong beside the others: where they all misfit it is the camera that does.
     typical = [np.sqrt((residuals[n][keep] ** 2).mean()) for n, keep in inliers.items() if keep.any()]
     noise = evaluation.calibration.camera.noise_px
     return Residuals(residuals, inliers, max([float(np.median(typical or 0.0)), noise, FINEST_PX / np.sqrt(2.0)]))
 
 
+def structure_of(seen: Residuals, corner_set: CornerSet) -> Structure:
+    """Whether residuals close together are alike; no structure where there is nothing to see."""
+    return residual_structure(seen, corner_set) if seen.residuals else Structure(0.0, 1.0)
+
+
+def errors_left_out(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
+    """Directions (unit vectors) in which the wrong corners of counted views err: chance errors share none.
+
+    Of length one, so that the grossest do not drown the others.
+    """
+    calibration, directions, wrong = evaluation.calibration, {}, {}
+    for view in corner_set.views:
+        mask, observed = ~evaluation.wrong.belonging(view), evaluation.observed.get(view.name)
+        if observed is None or not mask.any():
+            continue
+        points = observed.refined.apply(calibration.solid(view.lattice(corner_set.board)))
+        with np.errstate(all="ignore"):
+            error = calibration.camera.project(points) - view.uv
+        each = error / np.linalg.norm(error, axis=1, keepdims=True) / view.weights[:, None]
+        directions[view.name], wrong[view.name] = each, mask & np.isfinite(each).all(axis=1)
+    return Residuals(directions, wrong, 1.0)
+
+
 def noise_floor(evaluation: Evaluation, corner_set: CornerSet) -> float:
     """What the corners' noise alone leaves, px a point: √2 times the std of a corner of typical weight."""
-    weights = np.concatenate([view.weights for view in corner_set.found])
+    weights = np.concatenate([view.weights for view in evaluation.wrong.left_out_of(corner_set).found])
     return float(np.sqrt(2.0 * (weights**-2.0).mean()) * evaluation.calibration.camera.noise_px)
 
 
@@ -117,13 +146,17 @@ def _level(
     floor: float,
     covered: float,
     structure: Structure,
+    left_out: Structure,
     suspicious: tuple[BoardSuspicion, ...],
 ) -> tuple[str, list[str]]:
     heldout = evaluation.heldout_px
     unknown = heldout is None and evaluation.heldout_reason != NOT_ASKED
     error = evaluation.pooled.re_px if heldout is None else heldout
     wrong = error > max(POOR_PX, POOR_RATIO * floor)
-    poor = unknown or wrong or not (_imported(evaluation) or _focal(evaluation) < POOR_FOCAL)
+    known = _imported(evaluation) or _focal(evaluation) < POOR_FOCAL
+    alike = left_out.p_value < ALIKE
+    hidden = evaluation.wrong.share > (MANY if alike else TOO_MANY)
+    poor = unknown or wrong or not known or hidden
     reasons = []
     if error > FAIR_RATIO * max(floor, FINEST_PX):
         reasons.append(f"its corners' noise alone would leave {floor:.2f} px")
@@ -131,10 +164,20 @@ def _level(
         reasons.append(f"boards cover only {100 * covered:.0f} % of the image")
     if suspicious:
         reasons.append(f"boards that look wrong: {', '.join(s.name for s in suspicious[:3])}")
+    if alike:
+        reasons.append(f"corners taken for wrong err alike (p = {left_out.p_value:.1g}): maybe it is the camera")
     fair = bool(reasons)
+    if evaluation.wrong.share > MANY:
+        reasons.append(_left_out(evaluation))
     if structure.p_value < STRUCTURED:
         reasons.append(f"residuals still hang together over the image (p = {structure.p_value:.1g})")
     return ("poor" if poor else "fair" if fair else "good"), reasons
+
+
+def _left_out(evaluation: Evaluation) -> str:
+    wrong = evaluation.wrong
+    said = f"{wrong.count} of {wrong.found} corners are wrong and were left out"
+    return f"{said}, too many to be wrong corners alone" if wrong.share > TOO_MANY else said
 
 
 def _held_out(evaluation: Evaluation) -> str:

@@ -23,9 +23,10 @@ class BoardEntry:
     """One photograph of the calibration.
 
     ``corners`` (n, 2) px with their ``residuals`` (n, 2) px, nan where a corner did not count (``counted`` (n,)).
-    ``dropped`` corners were found wrong by the fit. ``rms_px`` and ``worst_px`` are per point; ``ratio`` tells by how
-    much a board that looks wrong exceeds the noise. ``distance`` (squares) and ``tilt_degrees`` are of its middle and
-    its plane against the line of sight to it. ``note`` says what was done to its corners.
+    ``dropped`` corners, those of ``wrong`` (n,), were found wrong by the fit and are in no figure. ``rms_px`` and
+    ``worst_px`` are per point; ``ratio`` tells by how much a board that looks wrong exceeds the noise. ``distance``
+    (squares) and ``tilt_degrees`` are of its middle and its plane against the line of sight to it. ``note`` says what
+    was done to its corners.
     """
 
     name: str
@@ -35,6 +36,7 @@ class BoardEntry:
     corners: Floats
     residuals: Floats
     counted: Bools
+    wrong: Bools
     dropped: int
     rms_px: float | None
     worst_px: float | None
@@ -83,7 +85,8 @@ def _entry(
         view.uv,
         residuals,
         counted,
-        int(_named(calibration, "dropped_corners").get(view.name, 0)),
+        ~evaluation.wrong.belonging(view),
+        score.wrong,
         rms(residuals[counted]) if len(lengths) else None,
         float(lengths.max()) if len(lengths) else None,
         score.ce,

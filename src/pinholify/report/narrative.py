@@ -62,12 +62,14 @@ def facts(report: Report) -> tuple[tuple[str, str, str], ...]:
         if overview.heldout_px is not None
         else ("Residual", px(overview.insample_px), "in sample: on the photographs it was made from")
     )
+    wrong = (f"{overview.wrong_corners} of {overview.corners}", "left out of every figure here")
     boards, known = f"{overview.boards_used} of {overview.boards_found}", np.isfinite(overview.f_share)
     return (
         heldout,
         ("Focal length", f"± {percent(overview.f_share)}" if known else "unknown", "one standard deviation"),
         ("Coverage", percent(overview.coverage), "of the image may be believed"),
         ("Boards that count", boards, f"found in {overview.images} photograph{'s' * (overview.images != 1)}"),
+        *([("Wrong corners", *wrong)] if overview.wrong_corners else []),
     )
 
 
@@ -138,20 +140,22 @@ def _errors(report: Report) -> Section:
         "the bar is the root mean square over its corners, the dot its worst corner, the thin line what noise in "
         f"finding corners alone would leave ({px(report.overview.floor_px)}). Good are bars about that long and all "
         "alike; one that stands out is a blurred, moved or wrongly found board: look at its photograph."
+        f"{' Wrong corners are not in them.' if report.overview.wrong_corners else ''}"
     )
     return Section("errors", "Error of each photograph", caption=caption)
 
 
 def _photographs(report: Report) -> Section:
     caption = (
-        "Corners as they were found: dots count, rings do not (they lie where the camera is not believed). The lines "
-        f"from them are the residuals, {residual_scale(report):g} times as long as they are. Good are short lines in "
-        "all directions; a common direction or a pattern is bad."
+        "Corners as they were found: dots count, rings do not (they lie where the camera is not believed)"
+        f"{', crosses are wrong and in no figure' if report.overview.wrong_corners else ''}. The lines from dots are "
+        f"the residuals, {residual_scale(report):g} times as long as they are. Good are short lines in all directions; "
+        "a common direction or a pattern is bad."
     )
     header = ("photograph", "state", "corners", "RMS, px", "worst, px", "CE ×1e-4", "distance, squares", "tilt")
     rows = tuple(_board_row(entry) for entry in report.boards)
     table = Table("All photographs", header, rows, numeric=False)
-    return Section("photographs", "Every photograph", (), (table,), caption)
+    return Section("photographs", "Every photograph", report.overview.wrong_corners_said, (table,), caption)
 
 
 def residual_scale(report: Report) -> float:
@@ -170,7 +174,7 @@ def state(entry: BoardEntry) -> str:
 def _board_row(entry: BoardEntry) -> tuple[str, ...]:
     suspicion = "" if entry.ratio is None else f"; looks wrong, {entry.ratio:.1f} times the noise"
     note = f"; {entry.note}" if entry.note else ""
-    dropped = f" ({entry.dropped} dropped)" if entry.dropped else ""
+    dropped = f" ({entry.dropped} wrong, left out)" if entry.dropped else ""
     return (
         entry.name,
         state(entry) + suspicion + note,

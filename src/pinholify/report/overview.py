@@ -10,6 +10,7 @@ from pinholify.arrays import Floats
 from pinholify.camera import VirtualCamera
 from pinholify.evaluation.summary import Evaluation
 from pinholify.evaluation.verdict import Verdict, noise_floor, place
+from pinholify.evaluation.wrong_corners import sentences
 from pinholify.rectification.views import named_view
 
 NORMAL_95 = 1.96  # standard deviations
@@ -21,7 +22,7 @@ class Overview:
 
     ``insample_px`` counts every corner alike, as the held-out error does. ``floor_px`` is what the corners' noise alone
     would leave, ``f_share`` the standard deviation of f ÷ f, ``advice`` where in the image one more board would help
-    most.
+    most. ``wrong_corners`` of all ``corners`` were left out of every figure; what is said of them is in sentences.
     """
 
     level: str
@@ -38,12 +39,15 @@ class Overview:
     boards_found: int
     images: int
     advice: str | None
+    corners: int
+    wrong_corners: int
+    wrong_corners_said: tuple[str, ...]
 
 
 def overview_of(evaluation: Evaluation, verdict: Verdict, insample_px: float) -> Overview:
     """The overview of an ``evaluation`` and its ``verdict``; ``insample_px`` as in :class:`Overview`."""
     calibration = evaluation.calibration
-    camera = calibration.camera
+    camera, wrong = calibration.camera, evaluation.wrong
     return Overview(
         verdict.level,
         verdict.sentence,
@@ -59,6 +63,9 @@ def overview_of(evaluation: Evaluation, verdict: Verdict, insample_px: float) ->
         len(calibration.corner_set.found),
         len(evaluation.boards),
         None if verdict.next_board is None else place(verdict.next_board, camera.image_size),
+        wrong.found,
+        wrong.count,
+        sentences(wrong),
     )
 
 

@@ -15,6 +15,7 @@ from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, not_found
 from pinholify.errors import ImageError
+from pinholify.evaluation.wrong_corners import wrong_corners
 from pinholify.geometry import convex_hull
 from pinholify.io.images import Image, read_image
 from pinholify.rectification.maps import RectificationMap, rectification_map, remap
@@ -75,7 +76,9 @@ def read_pictures(
     """
     views = [view for view in calibration.corner_set.views if view.name in photographs]
     dropped = calibration.details.get("dropped_boards")
-    framed = framed_views(views, calibration.reference, dropped if isinstance(dropped, dict) else {})
+    wrong = wrong_corners(calibration, calibration.corner_set)
+    belonging = [view.select(wrong.belonging(view)) for view in views]
+    framed = framed_views(belonging, calibration.reference, dropped if isinstance(dropped, dict) else {})
     width = thumbnail_width(len(views))
     framer = _Framer(calibration.camera, calibration.corner_set.board)
     thumbnails: dict[str, Picture] = {}

@@ -80,12 +80,14 @@ def _overlay(entry: BoardEntry, size: tuple[int, int], scale: float) -> Markup:
     counted = entry.corners[entry.counted]
     arrows = np.stack([counted, counted + scale * entry.residuals[entry.counted]], axis=1)
     dot = _dot(entry.corners, width)
-    rings = [_ring(corner, 0.7 * dot) for corner in entry.corners[~entry.counted]]
+    rings = [_ring(corner, 0.7 * dot) for corner in entry.corners[~entry.counted & ~entry.wrong]]
+    crosses = [line for corner in entry.corners[entry.wrong] for line in _cross(corner, dot)]
     parts = []
     for rim, wider in (("rim", 1.9), ("", 1.0)):
         parts += [
             dots(counted, f"corner {rim}", stroke_width=_width(dot * (1 + (wider - 1) / 2))),
             polylines(rings, f"ring {rim}", stroke_width=_width(RESIDUAL * width * wider)),
+            polylines(crosses, f"misplaced {rim}", stroke_width=_width(RESIDUAL * width * wider)),
             polylines(arrows, f"residual {rim}", stroke_width=_width(RESIDUAL * width * wider)),
         ]
     found = f"{len(entry.corners)} corners found, {len(counted)} count" if len(entry.corners) else "no board found"
@@ -107,6 +109,12 @@ def _ring(centre: Floats, radius: float) -> Floats:
     return np.asarray(centre + radius * np.column_stack([np.cos(turn), np.sin(turn)]))
 
 
+def _cross(centre: Floats, reach: float) -> tuple[Floats, Floats]:
+    """Its two strokes."""
+    slope = reach * np.array([[-1.0, -1.0], [1.0, 1.0]])
+    return centre + slope, centre + slope * [1.0, -1.0]
+
+
 def _badge(entry: BoardEntry) -> Markup:
     said = [element("span", state(entry), class_="badge in" if entry.included else "badge out")]
     if entry.ratio is not None:
@@ -119,8 +127,8 @@ def _badge(entry: BoardEntry) -> Markup:
 
 
 def _numbers(entry: BoardEntry) -> Markup:
-    dropped = f", {entry.dropped} dropped as wrong" if entry.dropped else ""
-    outside = len(entry.corners) - int(entry.counted.sum())
+    dropped = f", {entry.dropped} wrong and left out" if entry.dropped else ""
+    outside = int((~entry.counted & ~entry.wrong).sum())
     aside = f", {outside} not counted" if outside and entry.counted.any() else ""
     lines = [f"{len(entry.corners)} corners{aside}{dropped}"] if len(entry.corners) else []
     if entry.rms_px is not None:

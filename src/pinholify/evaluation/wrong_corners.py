@@ -1,0 +1,104 @@
+"""Corners that belong to no board: those that the joint refinement found grossly wrong and left out of its fit.
+
+They are left out of every measure too, and for every method alike, since they say nothing of a camera; but never
+silently: what a bad camera cannot explain must not pass for wrong corners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinholify.arrays import Bools
+from pinholify.calibration.result import Calibration
+from pinholify.corners import Corners, CornerSet
+
+MANY = 0.02  # of all corners: more than a detector that suits its board gets wrong
+TOO_MANY = 0.10  # half of the share of chance errors at which cameras begin to suffer from them
+NAMED = 8  # images in a sentence
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WrongCorners:
+    """``masks`` (n,) mark the wrong ones beside the corners of each view that has any; ``found`` corners are in all."""
+
+    masks: Mapping[str, Bools]
+    found: int
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many each image has, the worst first."""
+        counted = {name: int(mask.sum()) for name, mask in self.masks.items()}
+        return dict(sorted(counted.items(), key=lambda each: -each[1]))
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return sum(self.counts.values())
+
+    @property
+    def share(self) -> float:
+        """Their fraction of all corners."""
+        return self.count / max(self.found, 1)
+
+    def belonging(self, view: Corners) -> Bools:
+        """Which corners (n,) of ``view`` are not wrong."""
+        mask = self.masks.get(view.name)
+        return np.ones(len(view), dtype=bool) if mask is None else ~mask
+
+    def left_out_of(self, corner_set: CornerSet) -> CornerSet:
+        """``corner_set`` without them."""
+        return corner_set.with_views(view.select(self.belonging(view)) for view in corner_set.views)
+
+
+def wrong_corners(calibration: Calibration, corner_set: CornerSet) -> WrongCorners:
+    """The corners of ``corner_set`` that the fit of ``calibration`` left out as grossly wrong.
+
+    Of views that it did not see nothing is known, nor by a method that looks for none.
+    """
+    table = calibration.details.get("wrong_corners")
+    named = table if isinstance(table, dict) else {}
+    known = {view.name: view for view in calibration.corner_set.found if view.name in named}
+    masks = {
+        view.name: np.isin(view.ids, named[view.name])
+        for view in corner_set.found
+        if view.name in known and _same(view, known[view.name])
+    }
+    return WrongCorners(masks, sum(len(view) for view in corner_set.found))
+
+
+def _same(view: Corners, other: Corners) -> bool:
+    return np.array_equal(view.ids, other.ids) and np.array_equal(view.uv, other.uv)
+
+
+def sentences(wrong: WrongCorners) -> tuple[str, ...]:
+    """How many were left out and of which images, and what it means when there are many; none where none was."""
+    return tuple(f"{said}." for said in (_told(wrong), _meaning(wrong)) if said)
+
+
+def _told(wrong: WrongCorners) -> str:
+    if not wrong.count:
+        return ""
+    verbs = ("is", "was") if wrong.count == 1 else ("are", "were")
+    each = [f"{name} {count}" for name, count in wrong.counts.items()]
+    more = f" and {len(each) - NAMED} more images" if len(each) > NAMED else ""
+    return (
+        f"{wrong.count} of {wrong.found} corners {verbs[0]} wrong and {verbs[1]} left out of every figure: "
+        f"{', '.join(each[:NAMED])}{more}"
+    )
+
+
+def _meaning(wrong: WrongCorners) -> str:
+    if wrong.share > TOO_MANY:
+        return (
+            f"That is {100 * wrong.share:.0f} %, too many to be wrong corners alone: either the table or the detection "
+            "is no good, or the camera does not explain what it was made from"
+        )
+    if wrong.share > MANY:
+        return (
+            f"That is {100 * wrong.share:.1f} %, more than a good detection gets wrong: look at these photographs, and "
+            "at what found their corners"
+        )
+    return ""

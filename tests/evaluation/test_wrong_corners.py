@@ -1,0 +1,179 @@
+"""Wrong corners are counted and named, in no figure of any method, and cannot hide a camera that is wrong."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pinholify.board import Checkerboard
+from pinholify.calibration.condensing import condensed, spoken_for
+from pinholify.cli.report import to_json
+from pinholify.corners import Corners, CornerSet
+from pinholify.evaluation.summary import evaluate
+from pinholify.evaluation.verdict import judge, noise_floor, residuals_of
+from pinholify.evaluation.wrong_corners import TOO_MANY, WrongCorners, sentences, wrong_corners
+from pinholify.pipeline import calibrate
+from pinholify.report.boards import boards_of
+from pinholify.report.pictures import Pictures
+from synthetic import BOARD, SIZE, corner_set
+
+SHARE, REVERSED = 0.05, "view3.png"
+
+
+def joint(corners: CornerSet, reference: str = "view0.png"):
+    return calibrate(corners, reference=reference, method="joint")
+
+
+def scored(calibration, corners, **options):
+    return evaluate(calibration, corners, recalibrate=joint, **options)
+
+
+@pytest.fixture(scope="module")
+def honest() -> CornerSet:
+    return corner_set(12, squeeze=0.15)
+
+
+@pytest.fixture(scope="module")
+def spoilt(honest):
+    """The set with gross errors and a board counted backwards, and which corners (by view) were moved."""
+    rng = np.random.default_rng(4)
+    views, moved = [], {}
+    for view in honest.views:
+        hit = rng.random(len(view)) < SHARE
+        angle, length = rng.uniform(0, 2 * np.pi, len(view)), rng.uniform(5, 50, len(view)) * hit
+        uv = view.uv + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        ids = view.ids.reshape(BOARD.rows, -1)[:, ::-1].ravel() if view.name == REVERSED else view.ids
+        views.append(Corners(view.name, ids, uv))
+        moved[view.name] = hit
+    return honest.with_views(views), moved
+
+
+@pytest.fixture(scope="module")
+def calibration(spoilt):
+    return joint(spoilt[0])
+
+
+@pytest.fixture(scope="module")
+def evaluation(calibration, spoilt):
+    return scored(calibration, spoilt[0])
+
+
+@pytest.fixture(scope="module")
+def by_hand(calibration, spoilt):
+    """The evaluation of the same camera on the corners that were not moved."""
+    corners, moved = spoilt
+    freed = corners.with_views(view.select(~moved[view.name]) for view in corners.views)
+    return scored(joint(freed), freed), freed
+
+
+def test_the_moved_corners_are_named_and_no_others(calibration, spoilt, evaluation):
+    corners, moved = spoilt
+    known = wrong_corners(calibration, calibration.corner_set)
+    assert {name: hit.tolist() for name, hit in moved.items() if hit.any()} == {
+        name: mask.tolist() for name, mask in known.masks.items()
+    }
+    assert evaluation.wrong.count == sum(hit.sum() for hit in moved.values())
+    assert evaluation.wrong.found == sum(len(view) for view in corners.views)
+    assert {b.file: b.wrong for b in evaluation.boards} == {name: hit.sum() for name, hit in moved.items()}
+    assert all(b.corners == 135 and b.inside == 135 - b.wrong for b in evaluation.boards if b.used)
+
+
+def test_every_figure_is_that_of_the_corners_that_belong(evaluation, by_hand):
+    freed, _ = by_hand
+    for name in ("heldout_px", "pinholeness"):
+        assert getattr(evaluation, name) == pytest.approx(getattr(freed, name), rel=0.02)
+    assert dataclasses.astuple(evaluation.pooled) == pytest.approx(dataclasses.astuple(freed.pooled), rel=0.02)
+    for model, score in freed.opencv.items():
+        assert dataclasses.astuple(evaluation.opencv[model]) == pytest.approx(dataclasses.astuple(score), rel=0.02)
+
+
+def test_the_verdict_is_that_of_the_corners_that_belong_and_says_what_was_left_out(evaluation, by_hand, spoilt):
+    freed, corners = by_hand
+    verdict, without = judge(evaluation, spoilt[0]), judge(freed, corners)
+    assert verdict.level == without.level != "poor"
+    assert verdict.structure.p_value == pytest.approx(without.structure.p_value, abs=0.05)
+    assert verdict.suspicious == ()
+    assert f"{evaluation.wrong.count} of 1620 corners are wrong and were left out" in verdict.sentence
+    assert "left out" not in without.sentence
+    assert noise_floor(evaluation, spoilt[0]) == pytest.approx(noise_floor(freed, corners), rel=0.02)
+
+
+def test_residuals_stand_beside_their_corners(evaluation, spoilt):
+    corners, moved = spoilt
+    seen = residuals_of(evaluation, corners)
+    for name, hit in moved.items():
+        assert (seen.inliers[name] == ~hit).all()
+        assert np.isnan(seen.residuals[name][hit]).all()
+        assert np.linalg.norm(seen.residuals[name][~hit], axis=1).max() < 0.6
+
+
+def test_it_is_said_in_json_and_in_the_report(calibration, evaluation, spoilt):
+    corners, moved = spoilt
+    verdict = judge(evaluation, corners)
+    told = to_json(evaluation, verdict)
+    assert told["wrong_corners"]["count"] == evaluation.wrong.count
+    assert told["wrong_corners"]["share"] == pytest.approx(evaluation.wrong.count / (12 * 135))
+    assert told["wrong_corners"]["by_image"] == {name: hit.sum() for name, hit in moved.items() if hit.any()}
+    assert [board["wrong"] for board in told["boards"]] == [hit.sum() for hit in moved.values()]
+    entries = boards_of(evaluation, verdict, residuals_of(evaluation, calibration.corner_set), Pictures())
+    assert all((entry.wrong == moved[entry.name]).all() and entry.dropped == entry.wrong.sum() for entry in entries)
+
+
+def test_the_camera_file_s_own_corners_are_known_and_others_are_not(calibration, spoilt):
+    strangers = corner_set(4, squeeze=0.15, seed=8)
+    assert wrong_corners(calibration, strangers).count == 0
+    evaluation = evaluate(calibration, strangers)
+    freed = wrong_corners(calibration, calibration.corner_set).left_out_of(calibration.corner_set)
+    trained = evaluate(dataclasses.replace(calibration, corner_set=freed, details={}), strangers)
+    assert evaluation.opencv["opencv5"].heldout_px == pytest.approx(trained.opencv["opencv5"].heldout_px, rel=1e-6)
+
+
+@pytest.mark.parametrize(("share", "poor"), [(TOO_MANY - 0.005, False), (TOO_MANY + 0.005, True)])
+def test_too_many_make_it_poor(evaluation, spoilt, share, poor):
+    wrong = dataclasses.replace(evaluation.wrong, found=round(evaluation.wrong.count / share))
+    verdict = judge(dataclasses.replace(evaluation, wrong=wrong), spoilt[0])
+    assert (verdict.level == "poor") == poor
+    assert ("too many to be wrong corners alone" in verdict.sentence) == poor
+    assert ("too many" in sentences(wrong)[1]) == poor
+
+
+def test_a_fault_of_the_camera_does_not_pass_for_wrong_corners(honest):
+    def faulty(view: Corners) -> Corners:
+        hit = np.linalg.norm(view.uv - [1100.0, 600.0], axis=1) < 0.1 * SIZE[0]
+        return dataclasses.replace(view, uv=view.uv + np.where(hit[:, None], [3.0, 1.5], 0.0))
+
+    corners = honest.with_views(map(faulty, honest.views))
+    calibration = joint(corners)
+    evaluation = evaluate(calibration, corners, compare_opencv=False)
+    verdict = judge(evaluation, corners)
+    assert evaluation.wrong.count > 20
+    assert verdict.left_out.p_value < 1e-4
+    assert verdict.level == "poor"
+    assert "err alike" in verdict.sentence
+
+
+def test_chance_errors_are_not_alike(evaluation, spoilt):
+    assert judge(evaluation, spoilt[0]).left_out.p_value > 1e-3
+
+
+def test_sentences_are_short_and_in_order():
+    few = WrongCorners({"a": np.array([True, False]), "b": np.array([True, True])}, 1000)
+    assert sentences(few) == ("3 of 1000 corners are wrong and were left out of every figure: b 2, a 1.",)
+    one = WrongCorners({"a": np.array([True, False])}, 10_000)
+    assert sentences(one) == ("1 of 10000 corners is wrong and was left out of every figure: a 1.",)
+    many = WrongCorners({f"{k}": np.ones(3, dtype=bool) for k in range(20)}, 1000)
+    assert "and 12 more images" in sentences(many)[0]
+    assert sentences(many)[1].startswith("That is 6.0 %")
+    assert sentences(WrongCorners({}, 1000)) == ()
+
+
+def test_a_condensed_point_speaks_for_its_block():
+    board = Checkerboard(30, 21)
+    x, y = np.meshgrid(np.arange(30), np.arange(21))
+    uv = 20.0 * np.column_stack([x.ravel(), y.ravel()]) + 30.0
+    corners = CornerSet(board, (700, 500), (Corners("a", np.arange(630), uv),))
+    middles = condensed(corners, 100).views[0].ids
+    blocks = [spoken_for(corners.views[0], board, 3, middles[k : k + 1]) for k in range(len(middles))]
+    assert sorted(np.concatenate(blocks)) == list(range(630))
+    assert all(len(block) == 9 and middle in block for block, middle in zip(blocks, middles, strict=True))
+    assert spoken_for(corners.views[0], board, 1, middles).tolist() == middles.tolist()
