@@ -78,7 +78,7 @@ def test_the_moved_corners_are_named_and_no_others(calibration, spoilt, evaluati
     assert all(b.corners == 135 and b.inside == 135 - b.wrong for b in evaluation.boards if b.used)
 
 
-def test_every_figure_is_that_of_the_corners_that_belong(evaluation, by_hand):
+def test_every_measure_is_that_of_the_corners_that_belong(evaluation, by_hand):
     freed, _ = by_hand
     for name in ("heldout_px", "pinholeness"):
         assert getattr(evaluation, name) == pytest.approx(getattr(freed, name), rel=0.02)
@@ -158,9 +158,9 @@ def test_chance_errors_are_not_alike(evaluation, spoilt):
 
 def test_sentences_are_short_and_in_order():
     few = WrongCorners({"a": np.array([True, False]), "b": np.array([True, True])}, 1000)
-    assert sentences(few) == ("3 of 1000 corners are wrong and were left out of every figure: b 2, a 1.",)
+    assert sentences(few) == ("3 of 1000 corners are wrong and were left out of every number: b 2, a 1.",)
     one = WrongCorners({"a": np.array([True, False])}, 10_000)
-    assert sentences(one) == ("1 of 10000 corners is wrong and was left out of every figure: a 1.",)
+    assert sentences(one) == ("1 of 10000 corners is wrong and was left out of every number: a 1.",)
     many = WrongCorners({f"{k}": np.ones(3, dtype=bool) for k in range(20)}, 1000)
     assert "and 12 more images" in sentences(many)[0]
     assert sentences(many)[1].startswith("That is 6.0 %")
@@ -177,3 +177,29 @@ def test_a_condensed_point_speaks_for_its_block():
     assert sorted(np.concatenate(blocks)) == list(range(630))
     assert all(len(block) == 9 and middle in block for block, middle in zip(blocks, middles, strict=True))
     assert spoken_for(corners.views[0], board, 1, middles).tolist() == middles.tolist()
+
+
+def test_a_board_with_many_more_than_the_others_is_named(evaluation):
+    def some(count: int, size: int = 40):
+        return np.arange(size) < count
+
+    assert WrongCorners({"a": some(5), "b": some(1)}, 2000).crowded == ("a",)
+    assert WrongCorners({"a": some(3), "b": some(1)}, 2000).crowded == ()  # less than a tenth
+    assert WrongCorners({f"{k}": some(5) for k in range(50)}, 2000).crowded == ()  # as many as the others
+    assert WrongCorners({"a": some(1, 8)}, 2000).crowded == ()  # chance
+    assert evaluation.wrong.crowded == ()
+
+
+def test_a_camera_with_such_a_board_is_no_more_than_fair(honest):
+    rng = np.random.default_rng(1)
+    views = list(honest.views)
+    hit = rng.permutation(135) < 27
+    views[4] = dataclasses.replace(views[4], uv=views[4].uv + 20.0 * hit[:, None] * rng.normal(size=(135, 2)))
+    corners = honest.with_views(views)
+    calibration = joint(corners)
+    evaluation = evaluate(calibration, corners, compare_opencv=False)
+    verdict = judge(evaluation, corners)
+    assert evaluation.wrong.crowded == (views[4].name,)
+    assert verdict.level == "fair"
+    assert f"boards with too many wrong corners: {views[4].name}" in verdict.sentence
+    assert verdict.suspicious == ()

@@ -21,7 +21,8 @@ WIDTH = 78
 
 def _wrong(evaluation: Evaluation) -> dict[str, Any]:
     wrong = evaluation.wrong
-    return {"count": wrong.count, "of": wrong.found, "share": wrong.share, "by_image": wrong.counts}
+    return {"count": wrong.count, "of": wrong.found, "share": wrong.share, "by_image": wrong.counts,
+            "crowded": list(wrong.crowded)}
 
 
 def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:

@@ -53,7 +53,7 @@ Recalibrate = Callable[[CornerSet, str], Calibration]
 class BoardScore:
     """One image: its board's corners, how many count, and its errors where the board counts.
 
-    ``note`` says what was done to its corners. ``wrong`` of them belong to no board: they are in none of the figures.
+    ``note`` says what was done to its corners. ``wrong`` of them belong to no board: they are in none of the numbers.
     """
 
     file: str

@@ -152,11 +152,10 @@ def _level(
     heldout = evaluation.heldout_px
     unknown = heldout is None and evaluation.heldout_reason != NOT_ASKED
     error = evaluation.pooled.re_px if heldout is None else heldout
-    wrong = error > max(POOR_PX, POOR_RATIO * floor)
+    off = error > max(POOR_PX, POOR_RATIO * floor)
     known = _imported(evaluation) or _focal(evaluation) < POOR_FOCAL
     alike = left_out.p_value < ALIKE
     hidden = evaluation.wrong.share > (MANY if alike else TOO_MANY)
-    poor = unknown or wrong or not known or hidden
     reasons = []
     if error > FAIR_RATIO * max(floor, FINEST_PX):
         reasons.append(f"its corners' noise alone would leave {floor:.2f} px")
@@ -164,14 +163,22 @@ def _level(
         reasons.append(f"boards cover only {100 * covered:.0f} % of the image")
     if suspicious:
         reasons.append(f"boards that look wrong: {', '.join(s.name for s in suspicious[:3])}")
+    if evaluation.wrong.crowded:
+        reasons.append(f"boards with too many wrong corners: {', '.join(evaluation.wrong.crowded[:3])}")
     if alike:
         reasons.append(f"corners taken for wrong err alike (p = {left_out.p_value:.1g}): maybe it is the camera")
-    fair = bool(reasons)
+    level = "poor" if unknown or off or not known or hidden else "fair" if reasons else "good"
+    return level, reasons + _remarks(evaluation, structure)
+
+
+def _remarks(evaluation: Evaluation, structure: Structure) -> list[str]:
+    """What is said beside the reasons for the level."""
+    remarks = []
     if evaluation.wrong.share > MANY:
-        reasons.append(_left_out(evaluation))
+        remarks.append(_left_out(evaluation))
     if structure.p_value < STRUCTURED:
-        reasons.append(f"residuals still hang together over the image (p = {structure.p_value:.1g})")
-    return ("poor" if poor else "fair" if fair else "good"), reasons
+        remarks.append(f"residuals still hang together over the image (p = {structure.p_value:.1g})")
+    return remarks
 
 
 def _left_out(evaluation: Evaluation) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import bdtrc
 
 from pinholify.arrays import Bools
 from pinholify.calibration.result import Calibration
@@ -17,6 +18,7 @@ from pinholify.corners import Corners, CornerSet
 
 MANY = 0.02  # of all corners: more than a detector that suits its board gets wrong
 TOO_MANY = 0.10  # half of the share of chance errors at which cameras begin to suffer from them
+UNLIKELY = 1e-4  # probability of so many on any board
 NAMED = 8  # images in a sentence
 
 
@@ -42,6 +44,17 @@ class WrongCorners:
     def share(self) -> float:
         """Their fraction of all corners."""
         return self.count / max(self.found, 1)
+
+    @property
+    def crowded(self) -> tuple[str, ...]:
+        """Images with too many, and with more than chance gives a board where the others have as few as they have."""
+        return tuple(name for name in self.counts if self._crowds(self.masks[name]))
+
+    def _crowds(self, mask: Bools) -> bool:
+        count, size = int(mask.sum()), len(mask)
+        elsewhere = (self.count - count + 1) / max(self.found - size + 1, 1)  # Laplace's rule of succession
+        chance = float(bdtrc(count - 1, size, min(elsewhere, 1.0)))
+        return count > TOO_MANY * size and chance * len(self.masks) < UNLIKELY
 
     def belonging(self, view: Corners) -> Bools:
         """Which corners (n,) of ``view`` are not wrong."""
@@ -85,7 +98,7 @@ def _told(wrong: WrongCorners) -> str:
     each = [f"{name} {count}" for name, count in wrong.counts.items()]
     more = f" and {len(each) - NAMED} more images" if len(each) > NAMED else ""
     return (
-        f"{wrong.count} of {wrong.found} corners {verbs[0]} wrong and {verbs[1]} left out of every figure: "
+        f"{wrong.count} of {wrong.found} corners {verbs[0]} wrong and {verbs[1]} left out of every number: "
         f"{', '.join(each[:NAMED])}{more}"
     )
 

@@ -23,7 +23,7 @@ class BoardEntry:
     """One photograph of the calibration.
 
     ``corners`` (n, 2) px with their ``residuals`` (n, 2) px, nan where a corner did not count (``counted`` (n,)).
-    ``dropped`` corners, those of ``wrong`` (n,), were found wrong by the fit and are in no figure. ``rms_px`` and
+    ``dropped`` corners, those of ``wrong`` (n,), were found wrong by the fit and are in no number. ``rms_px`` and
     ``worst_px`` are per point; ``ratio`` tells by how much a board that looks wrong exceeds the noise. ``distance``
     (squares) and ``tilt_degrees`` are of its middle and its plane against the line of sight to it. ``note`` says what
     was done to its corners.

@@ -62,7 +62,7 @@ def facts(report: Report) -> tuple[tuple[str, str, str], ...]:
         if overview.heldout_px is not None
         else ("Residual", px(overview.insample_px), "in sample: on the photographs it was made from")
     )
-    wrong = (f"{overview.wrong_corners} of {overview.corners}", "left out of every figure here")
+    wrong = (f"{overview.wrong_corners} of {overview.corners}", "left out of every number")
     boards, known = f"{overview.boards_used} of {overview.boards_found}", np.isfinite(overview.f_share)
     return (
         heldout,
@@ -140,17 +140,17 @@ def _errors(report: Report) -> Section:
         "the bar is the root mean square over its corners, the dot its worst corner, the thin line what noise in "
         f"finding corners alone would leave ({px(report.overview.floor_px)}). Good are bars about that long and all "
         "alike; one that stands out is a blurred, moved or wrongly found board: look at its photograph."
-        f"{' Wrong corners are not in them.' if report.overview.wrong_corners else ''}"
+        f"{' Wrong corners are in none of them.' if report.overview.wrong_corners else ''}"
     )
     return Section("errors", "Error of each photograph", caption=caption)
 
 
 def _photographs(report: Report) -> Section:
+    crosses = ", crosses are wrong corners and count nowhere" if report.overview.wrong_corners else ""
     caption = (
-        "Corners as they were found: dots count, rings do not (they lie where the camera is not believed)"
-        f"{', crosses are wrong and in no figure' if report.overview.wrong_corners else ''}. The lines from dots are "
-        f"the residuals, {residual_scale(report):g} times as long as they are. Good are short lines in all directions; "
-        "a common direction or a pattern is bad."
+        f"Corners as they were found: dots count, rings do not (they lie where the camera is not believed){crosses}. "
+        f"The lines from dots are the residuals, {residual_scale(report):g} times as long as they are. Good are short "
+        "lines in all directions; a common direction or a pattern is bad."
     )
     header = ("photograph", "state", "corners", "RMS, px", "worst, px", "CE ×1e-4", "distance, squares", "tilt")
     rows = tuple(_board_row(entry) for entry in report.boards)

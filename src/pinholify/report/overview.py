@@ -22,7 +22,7 @@ class Overview:
 
     ``insample_px`` counts every corner alike, as the held-out error does. ``floor_px`` is what the corners' noise alone
     would leave, ``f_share`` the standard deviation of f ÷ f, ``advice`` where in the image one more board would help
-    most. ``wrong_corners`` of all ``corners`` were left out of every figure; what is said of them is in sentences.
+    most. ``wrong_corners`` of all ``corners`` were left out of every number; what is said of them is in sentences.
     """
 
     level: str
