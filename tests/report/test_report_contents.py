@@ -2,18 +2,23 @@
 
 import dataclasses
 import hashlib
+import re
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pinholify.evaluation.summary import evaluate
+from pinholify.evaluation.verdict import judge
 from pinholify.geometry import ConvexRegion, convex_hull
 from pinholify.rectification.views import named_view
 from pinholify.report.contents import make_report
 from pinholify.report.contours import grid_pixels, region_inside, regions_above
+from pinholify.report.formats.html import render
 from pinholify.report.html.scene import reach, turned
 from pinholify.report.maps import round_down
+from pinholify.report.narrative import facts, sections
 from pinholify.report.pictures import ruler_ends, thumbnail_width
 from pinholify.simulation.views import virtual_camera
 from small_camera import BOARD, LENS, SIZE
@@ -101,6 +106,24 @@ def test_the_board_dropped_by_the_fit_is_left_out_though_it_is_scored(evaluation
     entries = {entry.name: entry for entry in told.boards}
     assert not entries[used].included
     assert entries[used].reason == "it was moved"
+
+
+def test_wrong_corners_are_counted_drawn_and_in_no_number(evaluation, corners, report, hostile):
+    calibration = dataclasses.replace(evaluation.calibration, details={"wrong_corners": {hostile: [3, 7]}})
+    freed = evaluate(calibration, corners, compare_opencv=False)
+    told = make_report(freed, judge(freed, corners), report.provenance)
+    entry = next(entry for entry in told.boards if entry.name == hostile)
+    assert np.flatnonzero(entry.wrong).tolist() == [3, 7]
+    assert entry.dropped == 2
+    assert not entry.counted[[3, 7]].any()
+    assert np.isnan(entry.residuals[[3, 7]]).all()
+    before = next(entry for entry in report.boards if entry.name == hostile)
+    assert entry.counted.sum() == before.counted.sum() - 2
+    assert ("Wrong corners", f"2 of {9 * 54}", "left out of every number") in facts(told)
+    assert any("2 of 486 corners are wrong" in text for part in sections(told) for text in part.paragraphs)
+    assert render(told).count('class="misplaced') == 2 * len(told.boards)
+    assert len(re.findall(r'd="[^"]+" class="misplaced', render(told))) == 2
+    assert all(label != "Wrong corners" for label, *_ in facts(report))
 
 
 def test_lines_are_straighter_than_in_the_photographs(report):
