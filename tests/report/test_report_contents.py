@@ -109,7 +109,8 @@ def test_the_board_dropped_by_the_fit_is_left_out_though_it_is_scored(evaluation
 
 
 def test_wrong_corners_are_counted_drawn_and_in_no_number(evaluation, corners, report, hostile):
-    calibration = dataclasses.replace(evaluation.calibration, details={"wrong_corners": {hostile: [3, 7]}})
+    details = {"wrong_corners": {hostile: [3, 7], "a0.png": list(range(10))}}
+    calibration = dataclasses.replace(evaluation.calibration, details=details)
     freed = evaluate(calibration, corners, compare_opencv=False)
     told = make_report(freed, judge(freed, corners), report.provenance)
     entry = next(entry for entry in told.boards if entry.name == hostile)
@@ -119,10 +120,12 @@ def test_wrong_corners_are_counted_drawn_and_in_no_number(evaluation, corners, r
     assert np.isnan(entry.residuals[[3, 7]]).all()
     before = next(entry for entry in report.boards if entry.name == hostile)
     assert entry.counted.sum() == before.counted.sum() - 2
-    assert ("Wrong corners", f"2 of {9 * 54}", "left out of every number") in facts(told)
-    assert any("2 of 486 corners are wrong" in text for part in sections(told) for text in part.paragraphs)
+    assert [entry.name for entry in told.boards if entry.crowded] == ["a0.png"]
+    assert render(told).count("too many wrong corners</span>") == 1
+    assert ("Wrong corners", f"12 of {9 * 54}", "left out of every number") in facts(told)
+    assert any("12 of 486 corners are wrong" in text for part in sections(told) for text in part.paragraphs)
     assert render(told).count('class="misplaced') == 2 * len(told.boards)
-    assert len(re.findall(r'd="[^"]+" class="misplaced', render(told))) == 2
+    assert len(re.findall(r'd="[^"]+" class="misplaced', render(told))) == 2 * 2
     assert all(label != "Wrong corners" for label, *_ in facts(report))
 
 

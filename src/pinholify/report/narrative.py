@@ -173,6 +173,7 @@ def state(entry: BoardEntry) -> str:
 
 def _board_row(entry: BoardEntry) -> tuple[str, ...]:
     suspicion = "" if entry.ratio is None else f"; looks wrong, {entry.ratio:.1f} times the noise"
+    suspicion += "; too many wrong corners" if entry.crowded else ""
     note = f"; {entry.note}" if entry.note else ""
     dropped = f" ({entry.dropped} wrong, left out)" if entry.dropped else ""
     return (

@@ -52,7 +52,7 @@ def _bar(index: int, entry: BoardEntry, floor: float, scale: float) -> Markup:
     bar = element("span", element("i"), class_="bar", style=style, aria_hidden="true")
     worst = element("small", f" worst {number(entry.worst_px, 2)} px")
     value = element("span", f"{number(entry.rms_px, 2)} px", worst, class_="value")
-    stands_out = "wrong" if entry.ratio is not None else "left-out" if not entry.included else None
+    stands_out = "wrong" if entry.ratio is not None or entry.crowded else "left-out" if not entry.included else None
     return element("li", name, bar, value, class_=stands_out)
 
 
@@ -119,6 +119,8 @@ def _badge(entry: BoardEntry) -> Markup:
     said = [element("span", state(entry), class_="badge in" if entry.included else "badge out")]
     if entry.ratio is not None:
         said.append(element("span", f"looks wrong: {entry.ratio:.1f} times the noise", class_="badge wrong"))
+    if entry.crowded:
+        said.append(element("span", "too many wrong corners", class_="badge wrong"))
     if entry.note:
         said.append(element("span", entry.note, class_="badge out"))
     if entry.ambiguous_offset:
