@@ -23,10 +23,10 @@ class BoardEntry:
     """One photograph of the calibration.
 
     ``corners`` (n, 2) px with their ``residuals`` (n, 2) px, nan where a corner did not count (``counted`` (n,)).
-    ``dropped`` corners, those of ``wrong`` (n,), were found wrong by the fit and are in no number; ``crowded`` says that
-    they are far more than on the others. ``rms_px`` and ``worst_px`` are per point; ``ratio`` tells by how much a board
-    that looks wrong exceeds the noise. ``distance`` (squares) and ``tilt_degrees`` are of its middle and its plane
-    against the line of sight to it. ``note`` says what was done to its corners.
+    ``dropped`` corners, those of ``wrong`` (n,), were found wrong by the fit and are in no number; ``crowded`` tells
+    whether they are far more than on the others. ``rms_px`` and ``worst_px`` are per point; ``ratio`` tells by how much
+    a board that looks wrong exceeds the noise. ``distance`` (squares) and ``tilt_degrees`` are of its middle and its
+    plane against the line of sight to it. ``note`` says what was done to its corners.
     """
 
     name: str
