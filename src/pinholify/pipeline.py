@@ -8,16 +8,19 @@ from functools import partial
 
 import numpy as np
 
+from pinholify.arrays import Floats, Ints
 from pinholify.board import lattice
 from pinholify.calibration.circles import local_centres, needs_centres, true_centres
-from pinholify.calibration.condensing import block_side, condensed, spoken_for
+from pinholify.calibration.condensing import condensed
 from pinholify.calibration.numbering import check_most_count_alike, numbered_alike
 from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_view
 from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera, virtual
-from pinholify.corners import CornerSet
+from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError, InputError
 from pinholify.refinement import JointResult, refine
+from pinholify.refinement.outliers import LIMIT
+from pinholify.refinement.solver import lengths
 
 METHODS = ("auto", "joint", "one-image")
 FEWEST_FOR_JOINT = 4
@@ -100,8 +103,7 @@ def _calibrate(
             corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
         )
     name = reference_view(corner_set, reference).name
-    most = max(MOST_FOR_JOINT, SPARSE * len(corner_set.found))
-    fewer = condensed(corner_set, most)
+    fewer = condensed(corner_set, max(MOST_FOR_JOINT, SPARSE * len(corner_set.found)))
     try:
         result = refine(
             fewer, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, start=start, progress=progress
@@ -113,19 +115,7 @@ def _calibrate(
             "look for wrongly numbered corners"
         ) from None
     check_determined(result.camera, _agreeing(fewer, result), name)
-    wrong = _wrong_corners(corner_set, fewer, result, block_side(sum(map(len, corner_set.found)), most))
-    return _calibration(result, wrong, corner_set, name, square_mm)
-
-
-def _wrong_corners(
-    corner_set: CornerSet, fewer: CornerSet, result: JointResult, side: int
-) -> dict[str, list[int]]:
-    """Ids by view of the corners that ``result`` found wrong, or that ``fewer``'s wrong points speak for."""
-    views = {view.name: view for view in corner_set.views}
-    wrong = {view.name: view.ids[~result.inliers[view.name]] for view in fewer.views if view.name in result.inliers}
-    return {
-        name: spoken_for(views[name], corner_set.board, side, ids).tolist() for name, ids in wrong.items() if len(ids)
-    }
+    return _calibration(result, fewer, corner_set, name, square_mm)
 
 
 def _agreeing(corner_set: CornerSet, result: JointResult) -> CornerSet:
@@ -136,25 +126,26 @@ def _agreeing(corner_set: CornerSet, result: JointResult) -> CornerSet:
 
 def _calibration(
     result: JointResult,
-    wrong: dict[str, list[int]],
+    fewer: CornerSet,
     corner_set: CornerSet,
     reference: str,
     square_mm: float | None,
 ) -> Calibration:
     shape = result.shape
+    flat_points, middle = lattice(corner_set.board), lattice(corner_set.board).mean(axis=0)
+    stretched = middle + (flat_points - middle) * [1.0, 1.0 + (shape.stretch or 0.0)]
+    points = np.column_stack([stretched, shape.height])
     details: dict[str, object] = {
         "log_evidence": dict(result.candidates),
         "kernel_px": [float(v) for v in result.kernel_px],
         "dropped_boards": dict(result.dropped),
         "dropped_corners": result.dropped_corners,
-        "wrong_corners": wrong,
+        "wrong_corners": _wrong_corners(result, fewer, corner_set, points),
         "board_bow_squares": shape.bow,
         "board_stretch": shape.stretch,
         "start_fits": result.start_fits,
         "board_bow_mm": None if shape.bow is None or square_mm is None else shape.bow * square_mm,
     }
-    flat_points, middle = lattice(corner_set.board), lattice(corner_set.board).mean(axis=0)
-    stretched = middle + (flat_points - middle) * [1.0, 1.0 + (shape.stretch or 0.0)]
     return Calibration(
         result.camera,
         corner_set,
@@ -165,6 +156,23 @@ def _calibration(
         result.intrinsics_std,
         result.camera.intrinsics,
         square_mm,
-        np.column_stack([stretched, shape.height]),
+        points,
         details,
     )
+
+
+def _wrong_corners(
+    result: JointResult, fewer: CornerSet, corner_set: CornerSet, points: Floats
+) -> dict[str, list[int]]:
+    """Ids by view of the corners that the solve of ``fewer`` found wrong; board ``points`` (corners, 3) by id."""
+    pairs = zip(corner_set.views, fewer.views, strict=True)
+    wrong = {v.name: _wrong_ids(result, solved, v, points) for v, solved in pairs if v.name in result.inliers}
+    return {name: ids.tolist() for name, ids in wrong.items() if len(ids)}
+
+
+def _wrong_ids(result: JointResult, solved: Corners, view: Corners, points: Floats) -> Ints:
+    """Of a condensed ``view``, which was solved as other points, each corner is judged by the limit that they were."""
+    if solved is view:
+        return np.asarray(view.ids[~result.inliers[view.name]])
+    seen = result.camera.project(result.poses[view.name].apply(points[view.ids]))
+    return np.asarray(view.ids[~(lengths(seen - view.uv, view.weights) <= LIMIT * result.noise_px)])

@@ -5,8 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pinholify.board import Checkerboard
-from pinholify.calibration.condensing import condensed, spoken_for
 from pinholify.cli.report import to_json
 from pinholify.corners import Corners, CornerSet
 from pinholify.evaluation.summary import evaluate
@@ -22,6 +20,10 @@ SHARE, REVERSED = 0.05, "view3.png"
 
 def joint(corners: CornerSet, reference: str = "view0.png"):
     return calibrate(corners, reference=reference, method="joint")
+
+
+def replaced(view: Corners, uv) -> Corners:
+    return dataclasses.replace(view, uv=uv)
 
 
 def scored(calibration, corners, **options):
@@ -143,7 +145,7 @@ def test_too_many_make_it_poor(evaluation, spoilt, share, poor):
 def test_a_fault_of_the_camera_does_not_pass_for_wrong_corners(honest):
     def faulty(view: Corners) -> Corners:
         hit = np.linalg.norm(view.uv - [1100.0, 600.0], axis=1) < 0.1 * SIZE[0]
-        return dataclasses.replace(view, uv=view.uv + np.where(hit[:, None], [3.0, 1.5], 0.0))
+        return replaced(view, view.uv + np.where(hit[:, None], [3.0, 1.5], 0.0))
 
     corners = honest.with_views(map(faulty, honest.views))
     calibration = joint(corners)
@@ -170,16 +172,18 @@ def test_sentences_are_short_and_in_order():
     assert sentences(WrongCorners({}, 1000)) == ()
 
 
-def test_a_condensed_point_speaks_for_its_block():
-    board = Checkerboard(30, 21)
-    x, y = np.meshgrid(np.arange(30), np.arange(21))
-    uv = 20.0 * np.column_stack([x.ravel(), y.ravel()]) + 30.0
-    corners = CornerSet(board, (700, 500), (Corners("a", np.arange(630), uv),))
-    middles = condensed(corners, 100).views[0].ids
-    blocks = [spoken_for(corners.views[0], board, 3, middles[k : k + 1]) for k in range(len(middles))]
-    assert sorted(np.concatenate(blocks)) == list(range(630))
-    assert all(len(block) == 9 and middle in block for block, middle in zip(blocks, middles, strict=True))
-    assert spoken_for(corners.views[0], board, 1, middles).tolist() == middles.tolist()
+def test_corners_of_a_board_too_dense_to_be_solved_whole_are_judged_each(honest, monkeypatch):
+    rng = np.random.default_rng(2)
+    hit = {view.name: rng.random(len(view)) < 0.003 for view in honest.views}
+    views = [replaced(view, view.uv + 30.0 * hit[view.name][:, None]) for view in honest.views]
+    monkeypatch.setattr("pinholify.pipeline.MOST_FOR_JOINT", 100)
+    monkeypatch.setattr("pinholify.pipeline.SPARSE", 20)
+    calibration = joint(honest.with_views(views))
+    found = wrong_corners(calibration, calibration.corner_set)
+    assert sum(len(each) for each in calibration.details["wrong_corners"].values()) == found.count
+    moved = sum(mask.sum() for mask in hit.values())
+    assert sum((found.masks[name] & mask).sum() for name, mask in hit.items() if mask.any()) == moved
+    assert moved <= found.count <= moved + 3
 
 
 def test_a_board_with_many_more_than_the_others_is_named(evaluation):
@@ -197,7 +201,7 @@ def test_a_camera_with_such_a_board_is_no_more_than_fair(honest):
     rng = np.random.default_rng(1)
     views = list(honest.views)
     hit = rng.permutation(135) < 27
-    views[4] = dataclasses.replace(views[4], uv=views[4].uv + 20.0 * hit[:, None] * rng.normal(size=(135, 2)))
+    views[4] = replaced(views[4], views[4].uv + 20.0 * hit[:, None] * rng.normal(size=(135, 2)))
     corners = honest.with_views(views)
     calibration = joint(corners)
     evaluation = evaluate(calibration, corners, compare_opencv=False)

@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from pinholify.arrays import Bools, Floats, Ints
+from pinholify.arrays import Bools, Floats
 from pinholify.board import Board, lattice, size
 from pinholify.corners import Corners, CornerSet
 
@@ -61,13 +61,6 @@ def condensed_view(view: Corners, board: Board, side: int) -> Corners:
     ids = np.arange(size(board)).reshape(board.rows, board.columns)[reach::side, reach::side]
     return Corners(view.name, ids[good], uv[good], variance[good] ** -0.5, view.reason,
                    view.orientation_assumed, view.ambiguous_offset)
-
-
-def spoken_for(view: Corners, board: Board, side: int, middles: Ints) -> Ints:
-    """Ids of the points of ``view`` in the blocks of ``side`` × ``side`` that speak through the points ``middles``."""
-    (row, column), (middle_row, middle_column) = (np.divmod(ids, board.columns) for ids in (view.ids, middles))
-    apart = np.maximum(abs(row[:, None] - middle_row), abs(column[:, None] - middle_column))
-    return np.asarray(view.ids[(apart <= side // 2).any(axis=1)])
 
 
 def foretold(view: Corners, board: Board, reach: int) -> tuple[Floats, Floats]:
