@@ -136,9 +136,7 @@ def _check_found(decoded: Decoded) -> None:
         if not view.found:
             say(f"{view.name}: {view.reason}")
     if not decoded.corners.found:
-        raise ImageError(
-            f"no screen was found in any of the {len(views)} poses ({views[0].reason}): let it fill more of the image"
-        )
+        raise ImageError(f"no screen was found in any of the {len(views)} poses: {views[0].reason}")
 
 
 def _write(output: Path, decoded: Decoded) -> None:

@@ -10,13 +10,13 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from pinholify.arrays import Bools, Floats
-from pinholify.board import Screen
+from pinholify.board import Screen, size
 from pinholify.calibration.condensing import foretold
 from pinholify.corners import Corners, CornerSet, not_found
 from pinholify.detection.files import unique_names
 from pinholify.detection.gray_code.captures import capture_paths, read_captures
 from pinholify.detection.gray_code.decoding import ScreenMap, decode
-from pinholify.detection.gray_code.nodes import Nodes, fit_nodes
+from pinholify.detection.gray_code.nodes import Nodes, fit_nodes, least_spacing
 from pinholify.detection.gray_code.patterns import Sequence
 from pinholify.detection.intensity import Grey
 from pinholify.errors import ImageError
@@ -31,6 +31,9 @@ ROUNDS = 12
 """Of taking out the worst node of each neighbourhood."""
 
 FEWEST_NODES = 16
+FEW = 0.1
+"""Of a screen's nodes: where fewer are decoded it is asked why."""
+
 WEIGHTS = (0.2, 2.0)
 """The least and the most that a node may count, a typical one counting 1."""
 
@@ -57,24 +60,25 @@ def decode_folders(
 
     Each folder holds the captures of all patterns of ``sequence`` at one pose of the screen, in order. ``on_capture``
     is called once a capture, ``on_pose`` with each pose's name and what every pixel sees. Raises ImageError for
-    captures that are missing, of mixed sizes, or without a lit screen, and where something moved meanwhile; BoardError
-    for an impossible spacing.
+    captures that are missing, of mixed sizes, without a lit screen, or not in the order of the patterns, and where
+    something moved meanwhile; BoardError for an impossible spacing.
     """
     screen = Screen(*sequence.size, spacing)
     paths = [Path(folder) for folder in folders]
     captures = [capture_paths(path, sequence) for path in paths]
-    size: tuple[int, int] | None = None
-    found: list[tuple[str, Nodes]] = []
+    image_size: tuple[int, int] | None = None
+    found: list[tuple[str, Nodes, str]] = []
     for name, files in zip(unique_names(paths), captures, strict=True):
-        decoded = decode(_counted(read_captures(files, size), on_capture), sequence, name)
-        size = (decoded.x.shape[1], decoded.x.shape[0])
-        found.append((name, fit_nodes(decoded, screen)))
+        decoded = decode(_counted(read_captures(files, image_size), on_capture), sequence, name)
+        image_size = (decoded.x.shape[1], decoded.x.shape[0])
+        nodes = fit_nodes(decoded, screen)
+        found.append((name, nodes, _why_few(nodes, decoded, screen)))
         on_pose(name, decoded)
-    if size is None:
+    if image_size is None:
         raise ImageError("no folder of captures was given; give one for each pose of the screen")
-    std = _typical([nodes for _, nodes in found])
-    views = [_view(name, nodes, screen, std) for name, nodes in found]
-    return Decoded(CornerSet(screen, size, tuple(views)), std)
+    std = _typical([nodes for _, nodes, _ in found])
+    views = [_view(name, nodes, screen, std, why) for name, nodes, why in found]
+    return Decoded(CornerSet(screen, image_size, tuple(views)), std)
 
 
 def _counted(images: Iterable[Grey], on_capture: Callable[[], object]) -> Iterator[Grey]:
@@ -89,8 +93,9 @@ def decode_captures(images: Iterable[Grey], sequence: Sequence, *, spacing: int 
     screen = Screen(*sequence.size, spacing)
     nodes = fit_nodes(decoded, screen)
     std = _typical([nodes])
-    size = (decoded.x.shape[1], decoded.x.shape[0])
-    return Decoded(CornerSet(screen, size, (_view(name, nodes, screen, std),)), std)
+    image_size = (decoded.x.shape[1], decoded.x.shape[0])
+    view = _view(name, nodes, screen, std, _why_few(nodes, decoded, screen))
+    return Decoded(CornerSet(screen, image_size, (view,)), std)
 
 
 def _typical(found: list[Nodes]) -> float:
@@ -99,13 +104,22 @@ def _typical(found: list[Nodes]) -> float:
     return float(np.median(every)) if len(every) else 1.0
 
 
-def _view(name: str, nodes: Nodes, screen: Screen, std: float) -> Corners:
-    """The nodes that agree with their neighbours; none, with the reason, where they are too few."""
+def _why_few(nodes: Nodes, decoded: ScreenMap, screen: Screen) -> str:
+    """What to say where the ``nodes`` are too few: why, and what to do."""
+    spacing, least = screen.spacing, screen.spacing
+    if len(nodes.ids) < FEWEST_NODES + FEW * size(screen):
+        least = least_spacing(decoded, screen)
+    if least > spacing:
+        return f"nodes {spacing} screen px apart have too few pixels around them: say --spacing {least} or more"
+    return "the screen is seen in too small a part or too coarsely: let it fill more of the image"
+
+
+def _view(name: str, nodes: Nodes, screen: Screen, std: float, why: str) -> Corners:
+    """The nodes that agree with their neighbours; none, with ``why``, where they are too few."""
     weights = np.clip(std / nodes.std, *WEIGHTS)
     view = without_strangers(Corners(name, nodes.ids, nodes.uv, weights), screen, std)
     if len(view) < FEWEST_NODES:
-        reason = f"the screen is seen in too small a part or too coarsely: {len(view)} nodes could be decoded"
-        return not_found(name, reason)
+        return not_found(name, f"{len(view)} nodes could be decoded; {why}")
     return view
 
 

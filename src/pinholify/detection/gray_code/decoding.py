@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from pinholify.arrays import Bools, frozen
-from pinholify.detection.gray_code.patterns import Sequence, from_gray_code
+from pinholify.detection.gray_code.consistency import Lit, check_borders, check_inverse, check_waves
+from pinholify.detection.gray_code.patterns import PARTS_OF_WAVE, Pattern, Sequence
 from pinholify.detection.intensity import Grey
 from pinholify.errors import ImageError
 
@@ -51,20 +52,21 @@ class ScreenMap:
 def decode(captures: Iterable[Grey], sequence: Sequence, name: str) -> ScreenMap:
     """The screen as seen in ``captures`` (height, width), 0 … 1, one for each of the sequence's patterns in order.
 
-    ``name`` is what messages call them. Raises ImageError where no lit screen is seen and where something moved.
+    ``name`` is what messages call them. Raises ImageError where no lit screen is seen, where the captures cannot be
+    those of the patterns in order, and where something moved.
     """
     frames = iter(captures)
     first, white, black = next(frames), next(frames), next(frames)
     contrast = white - black
-    lit = contrast > LIT * _brightest(contrast, name)
-    axes = [_along(frames, axis, sequence, contrast) for axis in (0, 1)]
-    shift = shift_between(first, next(frames), lit)
+    lit = Lit(name, sequence, black, contrast, LIT * _brightest(contrast, name))
+    axes = [_along(frames, axis, lit) for axis in (0, 1)]
+    shift = shift_between(first, next(frames), lit.where)
     if not shift < MOVED:
         raise ImageError(
             f"the camera or the screen moved by {shift:.1f} px or more while '{name}' was captured: fix both and "
             "capture all its patterns again"
         )
-    known = lit & np.isfinite(axes[0]) & np.isfinite(axes[1])
+    known = lit.where & np.isfinite(axes[0]) & np.isfinite(axes[1])
     return ScreenMap(*(np.where(known, place, np.nan) for place in axes))
 
 
@@ -79,52 +81,57 @@ def _brightest(contrast: Grey, name: str) -> float:
     return brightest
 
 
-def _along(frames: Iterator[Grey], axis: int, sequence: Sequence, contrast: Grey) -> Grey:
+def _along(frames: Iterator[Grey], axis: int, lit: Lit) -> Grey:
     """The screen's columns (axis 0) or rows (1) at each pixel; nan where they are not known."""
-    place, interval = _gray_place(frames, sequence.bits(axis), contrast)
-    if sequence.steps:
-        place, interval = _wave_place(frames, sequence, contrast, place, interval)
-    known = (interval <= COARSEST) & (place > -0.5) & (place < sequence.size[axis] - 0.5)
+    place, interval = _gray_place(frames, axis, lit)
+    if lit.sequence.steps:
+        place, interval = _wave_place(frames, axis, lit, place, interval)
+    known = (interval <= COARSEST) & (place > -0.5) & (place < lit.sequence.size[axis] - 0.5)
     return np.where(known, place, np.float32(np.nan))
 
 
-def _gray_place(frames: Iterator[Grey], bits: range, contrast: Grey) -> tuple[Grey, Grey]:
+def _gray_place(frames: Iterator[Grey], axis: int, lit: Lit) -> tuple[Grey, Grey]:
     """The middle of the stripe that each pixel sees, and that stripe's width; screen px.
 
     A bit too faint to see matters only where all finer ones are too: the border of a single bit's stripes is the middle
     of a stripe of the next coarser one, so that the pixel there is known all the better.
     """
-    code = np.zeros(contrast.shape, np.int64)
-    blurred = np.zeros(contrast.shape, np.int64)  # how many of the finest bits are too faint
-    for bit in bits:
-        difference = next(frames)
-        difference = difference - next(frames)
-        code |= (difference > 0).astype(np.int64) << bit
-        blurred = np.where(np.abs(difference) < RESOLVED * contrast, blurred + 1, 0)
-    shift = blurred + bits[-1]
-    start = from_gray_code(code) >> shift << shift
+    number = np.zeros(lit.contrast.shape, np.int64)
+    blurred = np.zeros(lit.contrast.shape, np.int64)  # how many of the finest bits are too faint
+    for bit in lit.sequence.bits(axis):
+        picture, inverse = next(frames), next(frames)
+        pattern = Pattern("bit", axis, bit)
+        check_inverse(picture, inverse, lit, pattern)
+        difference = picture - inverse
+        number = number << 1 | (number & 1) ^ (difference > 0)
+        clear = np.abs(difference) >= RESOLVED * lit.contrast
+        check_borders(number, clear, lit, pattern)
+        blurred = np.where(clear, 0, blurred + 1)
+    shift = blurred + lit.sequence.finest
+    start = number << lit.sequence.finest >> shift << shift
     width = np.left_shift(1, shift)
     return (start + 0.5 * (width - 1)).astype(np.float32), width.astype(np.float32)
 
 
-def _wave_place(
-    frames: Iterator[Grey], sequence: Sequence, contrast: Grey, place: Grey, interval: Grey
-) -> tuple[Grey, Grey]:
+def _wave_place(frames: Iterator[Grey], axis: int, lit: Lit, place: Grey, interval: Grey) -> tuple[Grey, Grey]:
     """The place by the wave's phase, which of its periods by the Gray code's ``place``, and how well it is known.
 
     The fundamental of the steps' discrete Fourier transform: with ``steps`` pictures a gamma's overtones below the
     order steps − 1 do not enter.
     """
-    sine, cosine = np.zeros_like(contrast), np.zeros_like(contrast)
-    for step in range(sequence.steps):
-        frame, angle = next(frames), 2.0 * np.pi * step / sequence.steps
+    steps, period = lit.sequence.steps, np.float32(lit.sequence.period)
+    sine, cosine = np.zeros_like(lit.contrast), np.zeros_like(lit.contrast)
+    levels = []
+    for step in range(steps):
+        frame, angle = next(frames), 2.0 * np.pi * step / steps
         sine += np.float32(np.sin(angle)) * frame
         cosine += np.float32(np.cos(angle)) * frame
-    period = np.float32(sequence.period)
+        levels.append(lit.levels(frame))
+    check_waves(levels, place, interval <= period / PARTS_OF_WAVE, lit, axis)
     fraction = np.arctan2(sine, cosine) * (period / np.float32(2.0 * np.pi))
     exact = fraction + period * np.rint((place - fraction) / period)
-    amplitude = np.hypot(sine, cosine) * np.float32(2.0 / sequence.steps)
-    sure = (amplitude > RESOLVED / 2.0 * contrast) & (interval <= sequence.period / 2.0)
+    amplitude = np.hypot(sine, cosine) * np.float32(2.0 / steps)
+    sure = (amplitude > RESOLVED / 2.0 * lit.contrast) & (interval <= period / 2.0)
     return exact, np.where(sure, np.float32(0.0), np.float32(np.inf))
 
 

@@ -19,6 +19,9 @@ from pinholify.detection.gray_code.decoding import ScreenMap
 FEWEST_PIXELS = 16
 """Of a cell: what a quadratic takes, and something to tell its noise by."""
 
+AMPLE = 1.5
+"""Of the fewest pixels: what a cell should have when a spacing is advised."""
+
 COVERED = 0.6
 """Of the pixels that a whole cell has in the image: below it the cell is cut by an edge, of a hand or the image."""
 
@@ -79,6 +82,14 @@ def fit_nodes(decoded: ScreenMap, screen: Screen) -> Nodes:
     parts = [_fit(cells, screen.spacing) for cells in _cells(decoded, screen)]
     parts = parts or [Nodes(np.empty(0, np.int64), np.empty((0, 2)), np.empty(0))]
     return Nodes(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("ids", "uv", "std")))
+
+
+def least_spacing(decoded: ScreenMap, screen: Screen) -> int:
+    """The spacing from which on the cells of ``screen`` that ``decoded`` shows have pixels enough for their fits."""
+    counts = np.concatenate([cells.counts() for cells in _cells(decoded, screen)] or [np.empty(0, np.int64)])
+    if not len(counts):
+        return screen.spacing
+    return int(np.ceil(screen.spacing * np.sqrt(AMPLE * FEWEST_PIXELS / np.median(counts))))
 
 
 def _cells(decoded: ScreenMap, screen: Screen) -> Iterator[_Cells]:

@@ -123,11 +123,3 @@ class Sequence:
 def gray_code(number: Ints) -> Ints:
     """The reflected Gray code of ``number``."""
     return np.asarray(number ^ (number >> 1))
-
-
-def from_gray_code(code: Ints) -> Ints:
-    """The numbers below 2¹⁶ whose Gray codes are ``code``."""
-    number = np.array(code)
-    for shift in (1, 2, 4, 8):
-        number ^= number >> shift
-    return number
