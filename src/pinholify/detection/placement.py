@@ -2,7 +2,8 @@
 
 A lattice of the board's full extent needs nothing more. A smaller one is placed by the board's ends where it
 sees them, and by colour on a board whose colours orient it; where several places remain, the first is taken
-and marked.
+and marked. The board ends where its squares run into a white margin; an end of another kind may as well be a
+hand's, a mat's or a shadow's, and tells nothing.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinholify.arrays import Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import Board
 from pinholify.corners import Corners, not_found
 from pinholify.detection.growth import signs
@@ -21,12 +22,34 @@ from pinholify.detection.prediction import predict
 from pinholify.detection.saddle import sample
 
 FEWEST_OF_PART = 12
-LARGER = "is larger than"
 """Corners below which a part of a board is not believed."""
 
-MARGIN = 1.2
-"""Where the margin is looked for, in squares beyond the last corners; the outermost squares may be cut short.
+LARGER = "is larger than"
+
+STEPS = np.arange(0.25, 1.21, 0.05)
+"""Squares beyond the last corners where grey is read: through the outermost square and into the margin."""
+
+OWN = 3
+"""Of these, the first that tell how bright the outermost squares are."""
+
+WIDTH = 0.2
+"""Squares behind an edge within which the margin has to be white: it may be as thin as that."""
+
+BLUR = 0.05
+"""Squares behind an edge where a board that goes on is darker than a margin."""
+
+WHITE = 0.3
+"""Of the contrast: how far the margin's brightness may be from the bright squares'."""
+
+STRAIGHT = 0.1
+"""Squares by which the ends of a side's squares may differ; the edge of a thing before the board is rarely so parallel.
 """
+
+FULL = 0.12
+"""Squares by which the outermost squares may differ from full width where they tell that they are the outermost."""
+
+MOST = 0.65
+"""Of a side's squares, that have to end in the margin."""
 
 STRAY = 0.34
 """An outer line with less than this fraction of its neighbour's corners may be none of the board's."""
@@ -34,13 +57,22 @@ STRAY = 0.34
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ends:
-    """Whether the board is seen to end beyond a lattice's first and last column, and its first and last row.
+    """How many squares beyond a lattice's first and last column, and its first and last row, a white margin begins.
+
+    0 where none is seen to. Only 1, as a rule, tells that these are the board's last corners: squares of another width
+    may be cut by what stands before them.
     """
 
-    left: bool
-    right: bool
-    top: bool
-    bottom: bool
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    @property
+    def whole(self) -> bool:
+        """Whether there is a margin on all sides, with squares of one width, or cut ones, on both of opposite sides."""
+        seen = self.left and self.right and self.top and self.bottom
+        return bool(seen) and _full(self.left) == _full(self.right) and _full(self.top) == _full(self.bottom)
 
 
 def place(grey: Grey, lattice: Lattice, board: Board, *, name: str, mirrored: bool) -> Corners:
@@ -49,7 +81,7 @@ def place(grey: Grey, lattice: Lattice, board: Board, *, name: str, mirrored: bo
 
     ``grey`` (height, width) shows whether the board ends beside the lattice.
     """
-    lattice = without_stray_lines(lattice, board).at_origin()
+    lattice = within_margins(grey, without_stray_lines(lattice, board).at_origin())
     size = (board.columns, board.rows)
     ways = [way.at_origin() for way in turns(lattice, mirrored=mirrored)]
     complete = [way for way in ways if way.extent == size]
@@ -61,8 +93,15 @@ def place(grey: Grey, lattice: Lattice, board: Board, *, name: str, mirrored: bo
         return not_found(name, f"a board of at least {_size(lattice)} corners {LARGER} {board.spec}")
     if len(lattice) < FEWEST_OF_PART:
         return not_found(name, f"only {len(lattice)} corners of a board were found")
-    placed = [places for way in fitting if (places := _shifts(way, board, ends(grey, way)))]
-    if not placed:
+    return _part(grey, fitting, board, name)
+
+
+def _part(grey: Grey, fitting: list[Lattice], board: Board, name: str) -> Corners:
+    """The corners of a lattice smaller than ``board``, which may be counted in the ways ``fitting``."""
+    lattice = fitting[0]
+    seen = [ends(grey, way) for way in fitting]
+    placed = [places for way, sides in zip(fitting, seen, strict=True) if (places := _shifts(way, board, sides))]
+    if seen[0].whole or not placed:
         return not_found(name, f"the board has {_size(lattice)} inner corners, not {board.spec}")
     ambiguous = sum(len(places) for places in placed) > _symmetries(board)
     if ambiguous and 2 * len(lattice) < board.columns * board.rows:
@@ -92,61 +131,94 @@ def without_stray_lines(lattice: Lattice, board: Board) -> Lattice:
     return lattice
 
 
+def within_margins(grey: Grey, lattice: Lattice) -> Lattice:
+    """``lattice``, which starts at (0, 0), without a corner that stands alone beyond the board's end."""
+    for axis in (0, 1):
+        for last in (False, True):
+            line = lattice.index[:, axis]
+            outer = line == (line.max() if last else 0)
+            if outer.sum() == 1:
+                inner = lattice.select(~outer).at_origin()
+                lattice = inner if _full(_end(grey, inner, axis, last=last)) else lattice
+    return lattice
+
+
 def ends(grey: Grey, lattice: Lattice) -> Ends:
-    """On which sides of ``lattice``, which starts at (0, 0), the board is seen to end."""
-    columns, rows = lattice.extent
-    x, y = np.array([1, 0]), np.array([0, 1])
-    return Ends(
-        left=_ends(grey, lattice, np.array([0, 0]), -x, y, rows),
-        right=_ends(grey, lattice, np.array([columns - 1, 0]), x, y, rows),
-        top=_ends(grey, lattice, np.array([0, 0]), -y, x, columns),
-        bottom=_ends(grey, lattice, np.array([0, rows - 1]), y, x, columns),
-    )
+    """Where the board is seen to end on each side of ``lattice``, which starts at (0, 0)."""
+    left, right, top, bottom = (_end(grey, lattice, axis, last=last) for axis in (0, 1) for last in (False, True))
+    return Ends(left, right, top, bottom)
 
 
-def _ends(grey: Grey, lattice: Lattice, first: Ints, outward: Ints, along: Ints, count: int) -> bool:
-    """Whether squares alternate just outside the line from ``first`` on, and then run into one margin.
+def _end(grey: Grey, lattice: Lattice, axis: int, *, last: bool) -> float:
+    """Squares from the first column (``axis`` 0) or row, or from the ``last``, to a white margin; 0 without one.
 
-    The margin is as bright as the bright squares, or as dark as the dark ones. So a finger over the board's
-    rest, or squares lost in a glare, do not pass for its end.
+    Along most of that line squares alternate outside it, and end in the margin. So a shadow, a mat or a hand does not
+    pass for the board's end.
     """
-    known = {(int(i), int(j)) for i, j in lattice.index}
-    starts = [first + k * along for k in range(count - 1)]
-    starts = [p for p in starts if tuple(p) in known and tuple(p + along) in known]
-    if len(starts) < 2:
-        return False
-    line = np.array(starts)
+    line = _pairs_of_line(lattice, axis, last=last)
+    if len(line) < 2:
+        return 0.0
+    outward, along = np.eye(2, dtype=np.int64)[[axis, 1 - axis]]
+    outward = outward if last else -outward
     # A square is named by its corner of the smallest column and row.
-    outer, inner = line + np.minimum(outward, 0), line - np.maximum(outward, 0)
-    colour = signs(outer, lattice.phase)
-    inside = _levels(grey, lattice, line - 0.3 * outward, along, signs(inner, lattice.phase))
-    bright, dark = _levels(grey, lattice, line + 0.3 * outward, along, colour)
-    margin = _levels(grey, lattice, line + MARGIN * outward, along, colour)
-    contrast = inside[0] - inside[1]
-    if not (contrast > 0 and bright - dark > 0.5 * contrast):  # Nor where too few squares are seen: nan.
-        return False
-    return min(max(abs(seen - level) for seen in margin) for level in (bright, dark)) < 0.35 * (bright - dark)
+    bright = signs(line + np.minimum(outward, 0), lattice.phase) > 0
+    level, seen = _across(grey, lattice, line + 0.5 * along, outward)
+    line, bright, level = line[seen], bright[seen], level[seen]
+    if bright.all() or not bright.any():
+        return 0.0
+    end, good = _margin(_relative(level, bright, line @ along), bright)
+    side = lattice.extent[1 - axis] - 1
+    enough = MOST * max(len(line), side / 2 if _full(end) else side)
+    return end if good[bright].any() and good[~bright].any() and good.sum() >= enough else 0.0
 
 
-def _levels(grey: Grey, lattice: Lattice, start: Floats, along: Ints, colour: Floats) -> tuple[float, float]:
-    """Mean grey half a step ``along`` from ``start``, where ``colour`` is +1 and where it is -1.
+def _pairs_of_line(lattice: Lattice, axis: int, *, last: bool) -> Ints:
+    """The corners (m, 2), in order, of the first or last column (``axis`` 0) or row that have a next one in it."""
+    line = lattice.index[:, axis]
+    outer = lattice.index[line == (line.max() if last else line.min())]
+    along = outer[:, 1 - axis]
+    order = np.argsort(along)
+    return np.asarray(outer[order][np.isin(along[order] + 1, along)])
 
-    Both are nan where the image does not show some of each.
+
+def _across(grey: Grey, lattice: Lattice, middle: Floats, outward: Ints) -> tuple[Floats, Bools]:
+    """Grey (m, steps) at STEPS ``outward`` from each ``middle`` (m, 2) of a side of a square, and whether the image
+    shows them all.
     """
-    places = predict(lattice.index, lattice.uv, start + 0.5 * along).uv
+    steps = middle[:, None] + STEPS[:, None] * outward
+    places = predict(lattice.index, lattice.uv, steps.reshape(-1, 2)).uv
     size = np.array([grey.shape[1], grey.shape[0]]) - 1
-    seen = ((places > 1) & (places < size - 1)).all(axis=1)
-    if abs(colour[seen].sum()) == seen.sum():
-        return float("nan"), float("nan")
-    values = sample(grey, places[seen])
-    return float(values[colour[seen] > 0].mean()), float(values[colour[seen] < 0].mean())
+    seen = ((places > 1) & (places < size - 1)).reshape(len(middle), -1)
+    values = sample(grey, np.clip(places, 1, size - 1)).reshape(steps.shape[:2])
+    return np.asarray(values), np.asarray(seen.all(axis=1))
+
+
+def _relative(level: Floats, bright: Bools, at: Ints) -> Floats:
+    """``level`` (m, steps) from 0 to 1, as dark and as bright as outer squares are near the places ``at`` (m,)."""
+    own = level[:, :OWN].mean(axis=1)
+    high, low = (np.interp(at, at[some], own[some]) for some in (bright, ~bright))
+    return np.asarray((level - low[:, None]) / np.maximum(high - low, 1e-6)[:, None])
+
+
+def _margin(level: Floats, bright: Bools) -> tuple[float, Bools]:
+    """Squares until the dark outer squares end, and which squares (m,) end there in a white margin.
+
+    ``level`` (m, steps) is 0 in the dark and 1 in the ``bright`` squares.
+    """
+    edge = STEPS[(level[~bright] > 0.5).argmax(axis=1)] - (STEPS[1] - STEPS[0]) / 2
+    end = float(np.median(edge))
+    white = np.asarray(np.abs(level - 1) < WHITE)
+    behind = (end < STEPS) & (end + WIDTH > STEPS)
+    good = np.array(white[:, end + BLUR > STEPS].all(axis=1), dtype=bool)
+    good[~bright] = (np.abs(edge - end) < STRAIGHT) & white[~bright][:, behind].any(axis=1)
+    return end, good
 
 
 def _shifts(way: Lattice, board: Board, seen: Ends) -> list[Lattice]:
     """``way`` at each place on ``board`` where the ends that it sees, and its colours, allow it to be."""
     columns, rows = way.extent
-    across = _offsets(board.columns - columns, seen.left, seen.right)
-    down = _offsets(board.rows - rows, seen.top, seen.bottom)
+    across = _offsets(board.columns - columns, _full(seen.left), _full(seen.right))
+    down = _offsets(board.rows - rows, _full(seen.top), _full(seen.bottom))
     shifted = [way.shifted((dx, dy)) for dx in across for dy in down]
     if board.orientable:
         return [lattice for lattice in shifted if lattice.phase < 0]
@@ -157,6 +229,11 @@ def _offsets(room: int, at_start: bool, at_end: bool) -> list[int]:
     if at_start and at_end:
         return [0] if room == 0 else []
     return [0] if at_start else [room] if at_end else list(range(room + 1))
+
+
+def _full(width: float) -> bool:
+    """Whether the outermost squares are as wide as all."""
+    return abs(width - 1) < FULL
 
 
 def _symmetries(board: Board) -> int:
