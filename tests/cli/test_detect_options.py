@@ -43,6 +43,7 @@ def test_a_part_tells_no_size(run, cut):
     result = run("detect", cut / "part.png", "--board", "auto")
     assert result.status == 1
     assert "no checkerboard is seen whole in 1 image" in result.sentence
+    assert "or name the board if it is of another kind" in result.sentence
 
 
 def test_sizes_that_do_not_agree_are_named(run, cut):
@@ -80,6 +81,12 @@ def test_a_camera_of_another_size_is_refused(run, camera):
     result = run("detect", "large.png", "--board", "9x6", "--camera", camera)
     assert result.status == 1
     assert "680x520 px, but the camera was calibrated at 640x480" in result.err
+
+
+def test_reflections_are_not_of_a_camera_that_looks_into_no_mirror(run, camera, photographs):
+    result = run("detect", photographs / "small-00.png", "--board", "9x6", "--camera", camera, "--mirrored")
+    assert result.status == 2
+    assert "looks into no mirror and --mirrored says that these images are reflections" in " ".join(result.err.split())
 
 
 @pytest.mark.slow

@@ -171,6 +171,12 @@ def test_a_folder_of_captures_is_decoded(tmp_path, seen):
     assert len(found.corners.views[0]) > 200
 
 
+def test_a_folder_given_twice_is_told_as_a_folder(tmp_path, seen):
+    folder = write_captures(tmp_path / "pose", seen)
+    with pytest.raises(ImageError, match=r"the folder '.*pose' is given twice; name each folder once"):
+        decode_folders([folder, folder], SEQUENCE)
+
+
 def test_a_missing_capture_is_named(tmp_path, seen):
     folder = write_captures(tmp_path / "pose", seen)
     (folder / SEQUENCE.files[5]).unlink()

@@ -54,7 +54,8 @@ def command(
 ) -> None:
     """Find the inner corners of a board in IMAGES (files, folders, videos) and write them as a corner table.
 
-    EXIF rotation is ignored: a calibration belongs to the sensor. With --json and -o - the table is not printed.
+    EXIF rotation is ignored: a calibration belongs to the sensor. Names with blanks cannot stand in a corner table:
+    rename such files first, or use --json. With --json and -o - the table is not printed.
     """
     from pinholify.io.camera_file import read_camera
     from pinholify.io.corner_tables import write_corner_table
@@ -63,6 +64,11 @@ def command(
     if output != "-":
         check_output(Path(output), force=force, is_ours=is_corner_table, inputs=files)
     known = None if camera is None else read_camera(camera).camera
+    if known is not None and mirrored and not known.mirrored:
+        raise click.UsageError(
+            f"'{camera}' is of a camera that looks into no mirror and --mirrored says that these images are "
+            "reflections: leave --mirrored out, or give the camera that took them"
+        )
     mirrored = mirrored or (known is not None and known.mirrored)
     corners = detect_with_progress(files, board, mirrored, camera=known, workers=workers)
     if output != "-":

@@ -122,7 +122,8 @@ def detect_size_in_files(
     if not sizes:
         raise BoardError(
             f"the size of the board cannot be told: no checkerboard is seen whole in {len(paths)} images; "
-            "give its inner corners, columns x rows, for example 9x6"
+            "give its inner corners, columns x rows, for example 9x6, or name the board if it is of another kind, for "
+            "example charuco:9x7:DICT_4X4_100:0.75"
         )
     (board, count), *others = sizes.most_common()
     if others and others[0][1] == count:
@@ -153,11 +154,12 @@ def _check_size_of_board(views: Sequence[Corners], board: Board) -> None:
 def unique_names(paths: Sequence[Path]) -> list[str]:
     """File names, each with as many parent folders before it as it takes to tell all apart.
 
-    Raises ImageError where one file is named twice.
+    Raises ImageError where one file or folder is named twice.
     """
     twice = [path for path, count in Counter(path.absolute() for path in paths).items() if count > 1]
     if twice:
-        raise ImageError(f"the image '{twice[0]}' is given twice; name each image once")
+        kind = "folder" if twice[0].is_dir() else "image"
+        raise ImageError(f"the {kind} '{twice[0]}' is given twice; name each {kind} once")
     names = [path.name for path in paths]
     depth = 1
     while len(set(names)) < len(names):

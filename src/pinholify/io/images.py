@@ -134,10 +134,10 @@ def _check_complete(name: str, picture: Any) -> None:
 
 
 def _too_large(name: str, pixels: int | None, max_pixels: int) -> ImageError:
-    found = "more than 178 megapixels" if pixels is None else f"{pixels / 1e6:.0f} megapixels"
-    return ImageError(
-        f"'{name}' has {found} where at most {max_pixels / 1e6:.0f} megapixels are read; give a smaller image"
-    )
+    most = f"{max_pixels / 1e6:.0f} megapixels"
+    if pixels is None:
+        return ImageError(f"'{name}' is too large: at most {most} are read; give a smaller image")
+    return ImageError(f"'{name}' has {pixels / 1e6:.0f} megapixels where at most {most} are read; give a smaller image")
 
 
 def write_image(path: str | Path, image: Image) -> None:
