@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from pinholify.arrays import Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import FAMILIES, AprilGrid
 from pinholify.corners import Corners, not_found
 from pinholify.detection.growth import FEWEST, regular, signs
-from pinholify.detection.intensity import Grey, grey_levels
+from pinholify.detection.intensity import Grey, grey_levels, reduced
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.prediction import predict
 from pinholify.detection.refine import refine_lattice
@@ -31,6 +31,18 @@ from pinholify.detection.tags import Tags, agreeing_tags, find_tags, other_famil
 
 CLEAR = 0.8
 """Of the distance from a corner to the nearest thing that is none of its four sectors, a window's half side."""
+
+WIDEST = 12.0
+"""Half a window (px) whose samples lie close enough to see an edge move; wider ones are fitted in a smaller image."""
+
+INSIDE = 3.0
+"""How far (px) inside a tag's corner OpenCV may end it: its contour turns before the black square that touches it."""
+
+SLIVER = 0.05
+"""Of the product of its sides, the area of a window between whose edges nothing can be seen any more."""
+
+LEGIBLE = 30.0
+"""Side (px) from which on tags are never too small for their corners to be found."""
 
 LEAST_FRAME = 0.4
 """Of a window's size where the image ends beside its corner."""
@@ -67,12 +79,13 @@ def _of_tags(grey: Grey, tags: Tags, board: AprilGrid, name: str) -> Corners:
         return not_found(name, reason)
     tags = tags.select(agreeing_tags(tags, board))
     grid = _grid(board, tags)
-    seed = _snapped(grey, *tags.corners(board), grid)
+    levels = _levels(grey, tags, grid)
+    seed = _snapped(levels, tags, grid)
     if abs((gap := _rough_gap(seed, board)) - board.gap) > ROUGH_GAP:
         return not_found(name, _other_gap(gap, board))
-    grown = _grown(grey, seed, grid)
+    grown = _grown(levels, seed, grid)
     if len(grown) < FEWEST:
-        return not_found(name, _no_crossings(len(tags), board))
+        return not_found(name, _no_crossings(tags, board))
     fitted = refine_lattice(grey, grown, grid.fine)
     if len(fitted) < FEWEST:
         return not_found(name, f"only {len(fitted)} corners of the board {board.spec} were found")
@@ -88,11 +101,13 @@ def _other_gap(gap: float, board: AprilGrid) -> str:
     return f"the tags stand {gap:.2f} of a tag apart, not {board.gap:g}: say {right} if they do"
 
 
-def _no_crossings(tags: int, board: AprilGrid) -> str:
-    read = "1 tag was read" if tags == 1 else f"{tags} tags were read"
+def _no_crossings(tags: Tags, board: AprilGrid) -> str:
+    read = "1 tag was read" if len(tags) == 1 else f"{len(tags)} tags were read"
+    side = float(np.median(np.linalg.norm(np.diff(tags.uv, axis=2), axis=3)))
+    small = f", at more than the {side:.0f} px a tag seen here" if side < LEGIBLE else ""
     return (
         f"{read}, but too few corners of the board {board.spec} were found: its tags need the described gap between "
-        "them and the black squares between their corners, as Kalibr and 'pinholify board' print them"
+        f"them and the black squares between their corners, as Kalibr and 'pinholify board' print them{small}"
     )
 
 
@@ -137,43 +152,76 @@ def _grid(board: AprilGrid, tags: Tags) -> _Grid:
     return _Grid(board, CLEAR * min(board.gap, tags.border / (family.markerSize + 2 * tags.border)))
 
 
-def _snapped(grey: Grey, index: Ints, uv: Floats, grid: _Grid) -> Lattice:
-    """The corners among ``index`` (n, 2) at whose rough ``uv`` (n, 2) a crossing of the right colours is."""
-    known = Lattice(index, uv, np.ones(len(index)), DARK_FIRST)
+def _levels(grey: Grey, tags: Tags, grid: _Grid) -> list[Grey]:
+    """``grey`` and its halves, quarters and so on, down to where windows in the largest of ``tags`` are no wider than
+    WIDEST.
+    """
+    widest = np.ptp(tags.uv, axis=(1, 2)).max() * grid.window
+    return [reduced(grey, level) for level in range(1 + int(_level(widest)))]
+
+
+def _level(width: Floats) -> Ints:
+    """How many times windows of half a ``width`` (px) have to be halved."""
+    return np.ceil(np.log2(np.maximum(width / WIDEST, 1.0))).astype(np.int64)
+
+
+def _snapped(levels: list[Grey], tags: Tags, grid: _Grid) -> Lattice:
+    """The corners of ``tags`` at or just outside whose rough places a crossing of the right colours is."""
+    index, uv = tags.corners(grid.board)
     place = grid.even(index)
-    return _crossings(grey, known, grid.frames(predict(place, uv, place).jacobian))
+    frames = grid.frames(predict(place, uv, place).jacobian)
+    outward = uv - tags.uv.mean(axis=(1, 2)).repeat(4, axis=0)
+    outward *= INSIDE / np.linalg.norm(outward, axis=1, keepdims=True)
+    found = Lattice(index[:0], uv[:0], np.empty(0), DARK_FIRST)
+    for start in (uv, uv + outward):
+        new = ~(index[:, None] == found.index[None]).all(axis=2).any(axis=1)
+        rough = Lattice(index, start, np.ones(len(index)), DARK_FIRST).select(new)
+        snapped = _crossings(levels, rough, frames[new])
+        found = found.joined(snapped.index, snapped.uv)
+    return found
 
 
-def _crossings(grey: Grey, expected: Lattice, frames: Floats) -> Lattice:
+def _crossings(levels: list[Grey], expected: Lattice, frames: Floats) -> Lattice:
     """``expected`` moved to the saddles in its ``frames`` (n, 2, 2) px, those that have one.
 
-    Frames that reach beyond the image are made smaller, down to LEAST_FRAME of their size.
+    Frames that reach beyond the image are made smaller, down to LEAST_FRAME of their size; slivers show nothing.
     """
-    size = np.array([grey.shape[1], grey.shape[0]]) - 1
+    wide = np.abs(np.linalg.det(frames)) > SLIVER * np.prod(np.linalg.norm(frames, axis=1), axis=1)
+    size = np.array([levels[0].shape[1], levels[0].shape[0]]) - 1
     room = np.minimum(expected.uv, size - expected.uv)
     shrunk = np.minimum((room / np.abs(frames).sum(axis=2)).min(axis=1), 1.0)
-    inside = shrunk > LEAST_FRAME
+    inside = wide & (shrunk > LEAST_FRAME)
     expected, frames = expected.select(inside), (frames * shrunk[:, None, None])[inside]
-    if not len(expected):
-        return expected
-    saddles = refine_saddles(grey, expected.uv, frames)
+    level = np.minimum(_level(np.linalg.norm(frames, axis=1).max(axis=1)), len(levels) - 1)
+    uv, clear = expected.uv.copy(), np.zeros(len(expected), dtype=bool)
+    for k in np.unique(level):
+        at = level == k
+        uv[at], clear[at] = _saddles(levels[k], k, expected.select(at), frames[at])
+    return expected.moved(uv).select(clear)
+
+
+def _saddles(grey: Grey, level: int, expected: Lattice, frames: Floats) -> tuple[Floats, Bools]:
+    """Saddles (n, 2) px next to ``expected``, and which (n,) are clear, in ``grey``, the image halved ``level`` times.
+    """
+    factor = 2**level
+    saddles = refine_saddles(grey, (expected.uv + 0.5) / factor - 0.5, frames / factor)
     strength = saddles.strength * signs(expected.index, expected.phase)
     clear = saddles.sound & (strength > 0) & (saddles.residual < 0.35 * strength)
-    return Lattice(expected.index, saddles.uv, expected.weights, expected.phase).select(clear)
+    return (saddles.uv + 0.5) * factor - 0.5, clear
 
 
-def _grown(grey: Grey, lattice: Lattice, grid: _Grid) -> Lattice:
+def _grown(levels: list[Grey], lattice: Lattice, grid: _Grid) -> Lattice:
     """``lattice`` with every corner of its board that can be reached from it in rings, without those that break it."""
     lattice = lattice.select(regular(lattice, grid.even(lattice.index)))
     while len(lattice) >= 4:
-        larger = _ring(grey, lattice, grid)
+        larger = _ring(levels, lattice, grid)
         if len(larger) <= len(lattice):
             break
         lattice = larger
     return lattice
 
 
-def _ring(grey: Grey, lattice: Lattice, grid: _Grid) -> Lattice:
+def _ring(levels: list[Grey], lattice: Lattice, grid: _Grid) -> Lattice:
     """``lattice`` with the corners found one step, or else two steps, beyond its own."""
     column, row = np.meshgrid(np.arange(grid.board.columns), np.arange(grid.board.rows))
     everything = np.stack([column.ravel(), row.ravel()], axis=1)
@@ -186,7 +234,7 @@ def _ring(grey: Grey, lattice: Lattice, grid: _Grid) -> Lattice:
         usual = np.median(np.linalg.norm(expected.jacobian, axis=1))
         believed = 3 * expected.std < np.minimum(expected.spacing, usual)
         rough = Lattice(ring, expected.uv, np.ones(len(ring)), DARK_FIRST).select(believed)
-        found = _crossings(grey, rough, grid.frames(expected.jacobian[believed]))
+        found = _crossings(levels, rough, grid.frames(expected.jacobian[believed]))
         grown = lattice.joined(found.index, found.uv)
         grown = grown.select(regular(grown, grid.even(grown.index)))
         if len(grown) > len(lattice):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +15,7 @@ from pinholify.detection.candidates import find_candidates
 from pinholify.detection.charuco import detect_charuco
 from pinholify.detection.circles import detect_circles
 from pinholify.detection.growth import FEWEST, grower
-from pinholify.detection.intensity import Grey, grey_levels
+from pinholify.detection.intensity import Grey, grey_levels, reduced
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.merging import merged
 from pinholify.detection.placement import ends, place
@@ -87,22 +86,13 @@ def _searches(grey: Grey) -> Iterator[list[Lattice]]:
     while max(grey.shape) / 2**levels > FIRST_SIDE:
         levels += 1
     for level in [*range(levels, -1, -1), levels + 1]:
-        reduced = _reduced(grey, level)
-        if min(reduced.shape) >= SMALLEST_SIDE:
-            growing = grower(reduced, find_candidates(reduced))
+        smaller = reduced(grey, level)
+        if min(smaller.shape) >= SMALLEST_SIDE:
+            growing = grower(smaller, find_candidates(smaller))
             parts = list(growing.lattices())
             wholes = [growing.grow(lattice) for lattice in merged(parts)]
             refined = [refine_lattice(grey, _enlarged(lattice, 2**level)) for lattice in parts + wholes]
             yield [lattice for lattice in refined if len(lattice) >= FEWEST]
-
-
-def _reduced(grey: Grey, level: int) -> Grey:
-    if level == 0:
-        return grey
-    height, width = grey.shape
-    size = (width >> level, height >> level)
-    whole = grey[: size[1] << level, : size[0] << level]
-    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
 def _enlarged(lattice: Lattice, factor: int) -> Lattice:

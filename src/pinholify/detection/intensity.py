@@ -37,3 +37,19 @@ def stretched(grey: Grey) -> NDArray[np.uint8]:
     low, high = np.percentile(grey[::step, ::step], [0.5, 99.5])
     scale = 255.0 / max(float(high - low), 1e-6)
     return np.asarray(np.clip((grey - low) * scale, 0, 255), dtype=np.uint8)
+
+
+def reduced(grey: Grey, level: int) -> Grey:
+    """``grey`` at 1/2^``level`` of its size, each pixel the mean of those it covers; a rest at the right and below is
+    cut off.
+
+    The place uv px of ``grey`` is (uv + 0.5) / 2^``level`` - 0.5 of the result.
+    """
+    import cv2
+
+    if level == 0:
+        return grey
+    height, width = grey.shape
+    size = (width >> level, height >> level)
+    whole = grey[: size[1] << level, : size[0] << level]
+    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
