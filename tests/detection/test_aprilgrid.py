@@ -50,6 +50,41 @@ def test_every_corner_by_its_id(half_turn):
     assert np.sqrt((errors(corners, truth) ** 2).mean()) < 0.05
 
 
+@pytest.mark.parametrize("spec", ["aprilgrid:3x2:tag36h11:0.3", "aprilgrid:2x3:tag16h5:0.5"])
+@pytest.mark.parametrize("side", [20, 120, 250, 600])
+def test_prints_of_every_size(spec, side):
+    """Tags of 20 px and of 600 px, with edges as sharp as a print's own: every corner, and no bias."""
+    board = parse_board(spec)
+    sheet = printed(board, cells=side)
+    noise = np.random.default_rng(0).normal(0, 2, sheet.pixels.shape[:2])
+    corners = detect_board(np.clip(255 * sheet.pixels[:, :, 0] + noise, 0, 255).astype(np.uint8), board)
+    truth = (lattice(board) - sheet.origin) * side
+    assert np.array_equal(corners.ids, np.arange(len(truth)))
+    assert errors(corners, truth).max() < 0.15
+    assert np.abs((corners.uv - truth).mean(axis=0)).max() < 0.03
+
+
+def test_near_and_far_tags_of_one_board():
+    """Seen along its rows, a board has tags 290 px high at one end and 180 px at the other."""
+    board = parse_board("aprilgrid:6x2:tag36h11:0.3")
+    steep = np.array([[330.0, 0, 130], [60, 300, 100], [0.1, 0, 1]])
+    image, truth = flat_picture(board, steep, size=(1600, 860))
+    corners = detect_board(image, board)
+    assert len(corners) == 48
+    assert errors(corners, truth).max() < 0.3
+
+
+@pytest.mark.parametrize("side", [21, 22, 24])
+def test_tags_that_end_inside_their_corners(side):
+    """OpenCV ends small tags up to three pixels too early where black squares touch them."""
+    board = parse_board("aprilgrid:6x4:tag36h11:0.3")
+    turned = side * np.array([[0.94, -0.34, 5.0], [0.34, 0.94, 3.0], [0, 0, 1 / side]])
+    image, truth = flat_picture(board, turned, size=(320, 320))
+    corners = detect_board(image, board)
+    assert len(corners) == 96
+    assert errors(corners, truth).max() < 0.3
+
+
 def test_tags_tell_a_reflection():
     image, truth = flat_picture(BOARD, HOMOGRAPHY)
     corners = detect_board(image[:, ::-1], BOARD)
