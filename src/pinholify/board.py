@@ -99,6 +99,9 @@ MARKERS: dict[str, int] = {
 }
 """OpenCV's dictionaries of square markers, and how many markers each has."""
 
+LARGEST_MARKER = 0.98
+"""Of a square, the side of a marker that can still be told from the black squares around it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Charuco:
@@ -124,8 +127,11 @@ class Charuco:
                 f"the board needs {needed} markers, but {self.dictionary} has only {MARKERS[self.dictionary]}; "
                 "name a larger dictionary or a smaller board"
             )
-        if not 0.0 < self.marker < 1.0:
-            raise BoardError(f"a marker of {self.marker:g} of a square was asked for; it must be between 0 and 1")
+        if not 0.0 < self.marker <= LARGEST_MARKER:
+            raise BoardError(
+                f"a marker of {self.marker:g} of a square was asked for; it must be above 0 and at most "
+                f"{LARGEST_MARKER:g}, so that white is left around it (0.5 to 0.8 is read best)"
+            )
 
     @property
     def spec(self) -> str:
