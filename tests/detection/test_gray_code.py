@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
 
 from pinholify.board import parse_board
 from pinholify.corners import Corners
@@ -238,6 +239,20 @@ def test_two_pictures_exchanged_with_their_inverses_are_told_by_the_borders_of_s
     images = [*seen[:7], *seen[9:11], *seen[7:9], *seen[11:]]
     with pytest.raises(ImageError, match=r"8 \(column-bit6\) .* do not fit the coarser stripes"):
         decode_captures(as_light(images), SEQUENCE, name="pose")
+
+
+@pytest.mark.parametrize(
+    ("steps", "pose", "spoil"),
+    [
+        (0, 1, lambda image: np.minimum(2 * image, 1)),  # overexposed: the finest stripes are white, and so are gaps
+        (8, 0, lambda image: gaussian_filter(image, 10)),  # defocused: the edge of the screen shifts what is left
+        (8, 0, lambda image: image + 0.25 * image[::-1]),  # mirrored by a desk: another part of the screen beside it
+    ],
+)
+def test_bad_captures_in_order_are_not_refused_for_their_order(steps, pose, spoil):
+    sequence = Sequence((320, 192), steps)
+    images = [spoil(image) for image in as_light(captures(screen_poses(2)[pose], sequence))]
+    assert len(decode_captures(images, sequence).corners.views[0]) > 100
 
 
 def test_captures_in_reversed_order_are_told(seen):
