@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pinholify.arrays import Floats
 from pinholify.board import AprilGrid, Board, Charuco, Checkerboard, CircleGrid, Screen, size
 from pinholify.corners import Corners, not_found
 from pinholify.detection.aprilgrid import detect_aprilgrid
 from pinholify.detection.candidates import find_candidates
 from pinholify.detection.charuco import detect_charuco
 from pinholify.detection.circles import detect_circles
-from pinholify.detection.growth import FEWEST, grower
+from pinholify.detection.growth import FEWEST, Grower, grower
 from pinholify.detection.intensity import Grey, grey_levels, reduced
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.merging import merged
@@ -24,6 +25,12 @@ from pinholify.errors import BoardError
 
 SMALLEST_SIDE = 24
 """Below this (px) no board can show its corners."""
+
+FAR_LARGER = 2
+"""Times the square of a board's longer side: a lattice of more corners shows a larger pattern, however it goes on."""
+
+LARGEST = 4000
+"""Corners of the largest board whose size can be told."""
 
 FIRST_SIDE = 1400
 """The search starts on an image reduced by powers of two to at most this width and height (px)."""
@@ -53,7 +60,8 @@ def detect_board(image: NDArray[Any], board: Board, *, name: str = "", mirrored:
         return detect_circles(image, board, name=name, mirrored=mirrored)
     grey = grey_levels(image)
     best = not_found(name, f"no board of {board.spec} inner corners was found")
-    for lattices in _searches(grey):
+    most = FAR_LARGER * max(board.columns, board.rows) ** 2
+    for lattices in _searches(grey, most):
         for lattice in lattices:
             found = place(grey, lattice, board, name=name, mirrored=mirrored)
             best = _better(best, found)
@@ -69,7 +77,7 @@ def detect_size(image: NDArray[Any]) -> Checkerboard | None:
     grey = grey_levels(image)
     if min(grey.shape) < SMALLEST_SIDE:
         return None
-    for lattices in _searches(grey):
+    for lattices in _searches(grey, LARGEST):
         for lattice in sorted(lattices, key=len, reverse=True):
             lattice = lattice.at_origin()
             seen = ends(grey, lattice)
@@ -78,9 +86,12 @@ def detect_size(image: NDArray[Any]) -> Checkerboard | None:
     return None
 
 
-def _searches(grey: Grey) -> Iterator[list[Lattice]]:
+def _searches(grey: Grey, most: int) -> Iterator[list[Lattice]]:
     """The lattices in ``grey``, searched at one size after the other: the quick one, finer ones, a coarser
     one.
+
+    Of those that have more than ``most`` corners only the one of the largest area is among them, as far as it was
+    grown.
     """
     levels = 0
     while max(grey.shape) / 2**levels > FIRST_SIDE:
@@ -88,11 +99,23 @@ def _searches(grey: Grey) -> Iterator[list[Lattice]]:
     for level in [*range(levels, -1, -1), levels + 1]:
         smaller = reduced(grey, level)
         if min(smaller.shape) >= SMALLEST_SIDE:
-            growing = grower(smaller, find_candidates(smaller))
-            parts = list(growing.lattices())
-            wholes = [growing.grow(lattice) for lattice in merged(parts)]
-            refined = [refine_lattice(grey, _enlarged(lattice, 2**level)) for lattice in parts + wholes]
+            found = _grown(grower(smaller, find_candidates(smaller), most=most))
+            refined = [refine_lattice(grey, _enlarged(lattice, 2**level)) for lattice in found]
             yield [lattice for lattice in refined if len(lattice) >= FEWEST]
+
+
+def _grown(growing: Grower) -> list[Lattice]:
+    """What grows, and what grows from its parts put together; of what is too large only that of the largest area."""
+    lattices = list(growing.lattices())
+    lattices += [growing.grow(whole) for whole in merged([part for part in lattices if len(part) <= growing.most])]
+    too_large = [lattice for lattice in lattices if len(lattice) > growing.most]
+    largest = sorted(too_large, key=lambda lattice: _area(lattice.uv))[-1:]
+    return [lattice for lattice in lattices if len(lattice) <= growing.most] + largest
+
+
+def _area(uv: Floats) -> float:
+    """Of the rectangle of image columns and rows around ``uv`` (n, 2) px, in px²."""
+    return float(np.prod(np.ptp(uv, axis=0)))
 
 
 def _enlarged(lattice: Lattice, factor: int) -> Lattice:
@@ -104,7 +127,7 @@ def _better(best: Corners, found: Corners) -> Corners:
     without.
     """
     if len(found) == len(best) and found.found:
-        return max(best, found, key=lambda corners: float(np.prod(np.ptp(corners.uv, axis=0))))
+        return max(best, found, key=lambda corners: _area(corners.uv))
     if found.found or best.found:
         return max(best, found, key=len)
     return found

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pinholify.arrays import Bools, Floats, Ints
@@ -19,7 +21,16 @@ FEWEST = 9
 """Corners below which a lattice is no evidence of a board."""
 
 MOST_SEEDS = 40
-"""Seeds tried in one image."""
+"""Seeds grown in one image."""
+
+MOST_LARGEST = 20
+"""The work in one image: as many corners as so many of the largest lattices have."""
+
+APART = 4
+"""Columns between crosses that are looked at together: none is next to another, and their colours are alike."""
+
+ALIKE = 0.5
+"""The least ratio of the contrasts of two candidates that are taken for corners of one lattice before it is grown."""
 
 DISORDER = 0.1
 """Above this a lattice is letters or leaves; the most bent photographs of boards stay below a third of it."""
@@ -50,26 +61,27 @@ class Grower:
     """Grows lattices over one image: its ``grey`` levels and its ``candidates``.
 
     ``beside`` is how far to each side of an edge its colours are compared, as a fraction of the squares' width there.
+    A lattice of more corners than ``most`` grows no further.
     """
 
     grey: Grey
     candidates: Candidates
     tree: cKDTree
     beside: float
+    most: float
 
     def lattices(self) -> Iterator[Lattice]:
-        """Lattices of at least FEWEST corners, from the most regular seed on; no candidate is used twice."""
+        """Lattices of at least FEWEST corners, from a seed of each group in turn; no candidate is used twice."""
         links = neighbours(self.candidates)
         free = np.ones(len(self.candidates), dtype=bool)
-        tried = 0
-        for seed in _seeds(self.candidates, links):
-            if not free[seed] or tried == MOST_SEEDS:
+        tried, looked_at = 0, 0
+        for seed in _in_turn(self.candidates, links, self._seeds(links)):
+            if not free[seed]:
                 continue
-            tried += 1
-            cross = _first_cross(self.candidates, links, seed)
-            if not bounded(self.grey, cross, self.beside).all():
-                continue
-            lattice = self.grow(cross)
+            if tried == MOST_SEEDS or looked_at > MOST_LARGEST * self.most:
+                return
+            lattice = self.grow(_first_cross(self.candidates, links, seed))
+            tried, looked_at = tried + 1, looked_at + len(lattice)
             if len(lattice) < FEWEST or disorder(lattice) > DISORDER:
                 free[seed] = False
                 continue
@@ -104,13 +116,29 @@ class Grower:
             kept = bounded(self.grey, grown, self.beside)
             banned |= _pairs(grown.index[~kept])
             grown = grown.select(kept)
-            if len(grown) <= len(lattice):
+            if len(grown) <= len(lattice) or len(grown) > self.most:
                 return grown
             if len(grown) >= doubled:
                 if disorder(grown) > DISORDER:
                     return grown
                 doubled = 2 * len(grown)
             lattice = grown
+
+    def _seeds(self, links: Ints) -> Ints:
+        """Regular candidates (n,), the most regular first, with black and white along the edges to all four
+        neighbours.
+        """
+        seeds = _regular_crosses(self.candidates, links)
+        if not len(seeds):
+            return seeds
+        # All crosses at once, as one lattice of which they are separate parts.
+        cross = np.concatenate([[[0, 0]], SIDES])
+        index = cross + np.arange(len(seeds))[:, None, None] * np.array([APART, 0])
+        uv = self.candidates.uv[np.column_stack([seeds, links[seeds]])]
+        crosses = Lattice(index.reshape(-1, 2), uv.reshape(-1, 2), np.ones(uv.size // 2), 1)
+        rise = _rises(self.grey, crosses, self.beside)[2].reshape(2, len(seeds), 2)
+        usual = np.median(rise, axis=(0, 2))
+        return np.asarray(seeds[(rise > np.maximum(0.3 * usual, 0.0)[:, None]).all(axis=(0, 2))])
 
     def _ring(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
         """``lattice`` with the corners found one step, or else two steps, beyond its own."""
@@ -155,9 +183,9 @@ class Grower:
         return float(np.median(np.abs(saddle_strength(self.grey, some.uv, WINDOW * frames))))
 
 
-def grower(grey: Grey, candidates: Candidates, *, beside: float = BESIDE) -> Grower:
-    """A grower over ``grey`` with an index of its ``candidates``."""
-    return Grower(grey, candidates, cKDTree(candidates.uv), beside)
+def grower(grey: Grey, candidates: Candidates, *, beside: float = BESIDE, most: float = np.inf) -> Grower:
+    """A grower over ``grey`` with an index of its ``candidates``, of lattices of about ``most`` corners at most."""
+    return Grower(grey, candidates, cKDTree(candidates.uv), beside, most)
 
 
 def left_out(lattice: Lattice, at: Floats | None = None) -> Prediction:
@@ -185,17 +213,16 @@ def regular(lattice: Lattice, at: Floats | None = None, *, expected: Prediction 
     miss = np.linalg.norm(lattice.uv - expected.uv, axis=1)
     score = miss / np.maximum(3 * expected.std, 0.05 * expected.spacing + 0.3)
     # A wrong corner spoils the predictions of its neighbours: of those that miss, only the worst nearby goes.
-    close = (np.abs(at[:, None] - at[None]) <= 2).all(axis=2)
-    worst = score >= np.where(close, score[None], 0).max(axis=1)
-    return np.asarray((score <= 1) | ~worst)
+    kept = np.asarray(score <= 1)
+    missing = np.flatnonzero(~kept)
+    close = cKDTree(at).query_ball_point(at[missing], 2, p=np.inf)
+    kept[missing] = [score[one] < score[near].max() for one, near in zip(missing, close, strict=True)]
+    return kept
 
 
 def bounded(grey: Grey, lattice: Lattice, beside: float = BESIDE) -> Bools:
     """Which corners (n,) have black on one side and white on the other of most edges to their neighbours."""
-    after, before = next_corners(lattice.index)
-    area = _areas(lattice.uv, after, before)
-    sides = [_edge_rises(grey, lattice, after[:, axis], area, beside, side) for axis, side in enumerate((1, -1))]
-    start, end, rise = map(np.concatenate, zip(*sides, strict=True))
+    start, end, rise = _rises(grey, lattice, beside)
     if not len(rise):
         return np.zeros(len(lattice), dtype=bool)
     clear = rise > max(0.3 * np.median(rise), 0.0)
@@ -227,6 +254,15 @@ def _areas(uv: Floats, after: Ints, before: Ints) -> Floats:
     return np.where(steps > 0, np.abs(across) / np.maximum(steps, 1.0), np.nan)
 
 
+def _rises(grey: Grey, lattice: Lattice, beside: float) -> tuple[Ints, Ints, Floats]:
+    """As :func:`_edge_rises`, for the edges along all rows and then for those along all columns."""
+    after, before = next_corners(lattice.index)
+    area = _areas(lattice.uv, after, before)
+    sides = [_edge_rises(grey, lattice, after[:, axis], area, beside, side) for axis, side in enumerate((1, -1))]
+    start, end, rise = zip(*sides, strict=True)
+    return np.concatenate(start), np.concatenate(end), np.concatenate(rise)
+
+
 def _edge_rises(
     grey: Grey, lattice: Lattice, after: Ints, area: Floats, beside: float, side: int
 ) -> tuple[Ints, Ints, Floats]:
@@ -251,7 +287,7 @@ def _edge_rises(
     return start, end, difference.mean(axis=1) * signs(lattice.index[start], lattice.phase)
 
 
-def _seeds(candidates: Candidates, links: Ints) -> Ints:
+def _regular_crosses(candidates: Candidates, links: Ints) -> Ints:
     """Candidates with neighbours on all four sides that know them too, the most regular first."""
     complete = np.flatnonzero((links >= 0).all(axis=1))
     around = links[complete]
@@ -262,6 +298,34 @@ def _seeds(candidates: Candidates, links: Ints) -> Ints:
     irregular = (skew / np.linalg.norm(place[:, :2] - place[:, 2:], axis=2)).max(axis=1)
     kept = irregular < 0.25
     return np.asarray(complete[kept][np.argsort(irregular[kept])])
+
+
+def _in_turn(candidates: Candidates, links: Ints, seeds: Ints) -> Ints:
+    """``seeds`` in another order: the first of each group of linked candidates, the group that covers most of the image
+    first, then the second of each, and so on.
+
+    So a pattern behind a board, of far more seeds, takes few more turns than the board.
+    """
+    group = _groups(candidates, links)[seeds]
+    by_group = np.argsort(group, kind="stable")
+    turn = np.empty(len(seeds), dtype=np.int64)
+    turn[by_group] = np.arange(len(seeds)) - np.searchsorted(group[by_group], group[by_group])
+    right, down, left, up = candidates.uv[links[seeds]].transpose(1, 2, 0)
+    (across_u, across_v), (along_u, along_v) = right - left, down - up
+    covered = np.bincount(group, np.abs(across_u * along_v - across_v * along_u))[group]
+    return np.asarray(seeds[np.lexsort((group, -covered, turn))])
+
+
+def _groups(candidates: Candidates, links: Ints) -> Ints:
+    """A number (n,) for each candidate, the same for those that are linked both ways and of like contrast."""
+    start, side = np.nonzero(links >= 0)
+    end = links[start, side]
+    contrast = candidates.contrast
+    kept = (links[end] == start[:, None]).any(axis=1)
+    kept &= np.minimum(contrast[start], contrast[end]) > ALIKE * np.maximum(contrast[start], contrast[end])
+    count = len(candidates)
+    graph = csr_array((np.ones(kept.sum(), dtype=bool), (start[kept], end[kept])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])
 
 
 def _first_cross(candidates: Candidates, links: Ints, seed: int) -> Lattice:

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from pinholify.arrays import Floats, Ints
 from pinholify.detection.growth import DISORDER, FEWEST, disorder, gate
 from pinholify.detection.lattice import Lattice, turns
-from pinholify.detection.prediction import local_frames, predict
+from pinholify.detection.prediction import predict
 
 WIDEST_GAP = 8.0
 """Steps between two parts beyond which neither predicts the other."""
@@ -64,9 +64,9 @@ def joined(first: Lattice, second: Lattice) -> Lattice | None:
 def _ways(first: Lattice, second: Lattice) -> Iterator[Lattice]:
     """``second`` counted on from ``first``, in the ways that its place, slant and colours allow."""
     here, there = _nearest(first, second)
-    frame = local_frames(first.index, first.uv)[0][here]
+    frame = _frame(first, here)
     for way in turns(second, mirrored=False):
-        other = local_frames(way.index, way.uv)[0][there]
+        other = _frame(way, there)
         if min(_cosine(frame[:, axis], other[:, axis]) for axis in (0, 1)) < np.cos(MOST_SLANT):
             continue
         apart = np.linalg.solve((frame + other) / 2, second.uv[there] - first.uv[here])
@@ -89,6 +89,11 @@ def _nearest(first: Lattice, second: Lattice) -> tuple[int, int]:
     distance, nearest = cKDTree(first.uv).query(second.uv)
     there = int(distance.argmin())
     return int(nearest[there]), there
+
+
+def _frame(lattice: Lattice, corner: int) -> Floats:
+    """The steps (2, 2) px to the next column and to the next row at one corner of ``lattice``, as columns."""
+    return predict(lattice.index, lattice.uv, lattice.index[[corner]]).jacobian[0]
 
 
 def _cosine(a: Floats, b: Floats) -> float:

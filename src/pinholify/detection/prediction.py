@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats, Ints
 
@@ -83,11 +84,13 @@ def local_frames(known: Floats | Ints, uv: Floats) -> tuple[Floats, Floats]:
 
 def _nearest(known: Floats | Ints, uv: Floats, query: Floats, *, leave_out: bool) -> tuple[Floats, Floats]:
     """Offsets (m, k, 2) of the k nearest known corners from each query, and their pixels (m, k, 2)."""
-    squared = (query[:, :1] - known[:, 0]) ** 2 + (query[:, 1:] - known[:, 1]) ** 2
-    if leave_out:
-        squared[squared == 0] = np.inf
     count = min(NEAREST, len(known) - leave_out)
-    near = np.argpartition(squared, count - 1, axis=1)[:, :count]
+    distance, near = cKDTree(known).query(query, k=np.arange(1, count + leave_out + 1))
+    if leave_out:
+        # The nearest is the known corner itself, or else the farthest is one too many.
+        kept = np.ones(near.shape, dtype=bool)
+        kept[np.arange(len(near)), np.where(distance[:, 0] == 0, 0, count)] = False
+        near = near[kept].reshape(-1, count)
     return known[near] - query[:, None], uv[near]
 
 
