@@ -22,8 +22,8 @@ def drawn(columns, rows):
 @pytest.fixture
 def cut(photographs, tmp_path):
     """A folder of photographs, one of which shows a part of the board only, and no size."""
-    for i in range(3):
-        write_image(tmp_path / f"{i}.png", read_image(photographs / f"small-{i + 1:02d}.png"))
+    for i, number in enumerate((1, 2, 5)):  # those that show all of the board's margin
+        write_image(tmp_path / f"{i}.png", read_image(photographs / f"small-{number:02d}.png"))
     part = read_image(photographs / "small-00.png").copy()
     part[:, :250] = 120
     write_image(tmp_path / "part.png", part)

@@ -37,6 +37,12 @@ def test_noise_has_no_structure_and_a_smooth_error_has(scenes: dict[str, Scene],
     assert 0.02 < found.correlation < 0.5
 
 
+def test_one_corner_has_no_structure(scenes: dict[str, Scene], result: JointResult) -> None:
+    alone = {name: np.arange(len(inlier)) == (0 if name == "view00" else -1) for name, inlier in result.inliers.items()}
+    found = residual_structure(replace(result, inliers=alone), scenes["pinhole"].corners)
+    assert (found.correlation, found.p_value) == (0.0, 1.0)
+
+
 def test_what_is_alike_within_a_board_only_is_no_structure(scenes: dict[str, Scene], result: JointResult) -> None:
     rng = np.random.default_rng(0)
     shifted = {name: r + rng.normal(0, 0.2, 2) for name, r in result.residuals.items()}

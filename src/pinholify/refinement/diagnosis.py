@@ -94,7 +94,7 @@ def _inliers(result: Residuals, corners: CornerSet) -> tuple[Floats, Floats, Int
 
 
 def _pairs_across_boards(uv: Floats, board: Ints) -> tuple[Ints, Ints]:
-    near = cKDTree(uv).query(uv, k=min(NEIGHBOURS + 1, len(uv)))[1][:, 1:]
+    near = cKDTree(uv).query(uv, k=range(1, min(NEIGHBOURS + 1, len(uv)) + 1))[1][:, 1:]  # the first is itself
     first = np.repeat(np.arange(len(uv)), near.shape[1])
     second = near.ravel()
     across = board[first] != board[second]
