@@ -93,7 +93,7 @@ def _nearest(first: Lattice, second: Lattice) -> tuple[int, int]:
 
 def _frame(lattice: Lattice, corner: int) -> Floats:
     """The steps (2, 2) px to the next column and to the next row at one corner of ``lattice``, as columns."""
-    return predict(lattice.index, lattice.uv, lattice.index[[corner]]).jacobian[0]
+    return np.asarray(predict(lattice.index, lattice.uv, lattice.index[[corner]]).jacobian[0])
 
 
 def _cosine(a: Floats, b: Floats) -> float:
