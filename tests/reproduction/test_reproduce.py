@@ -99,7 +99,7 @@ def test_findings_say_where_ours_differ(reproduction):
 def test_the_page_stands_alone_and_shows_every_table(reproduction, folder):
     page, markdown = reproduction.page.read_text(), (folder / "report.md").read_text()
     assert not re.search(r"(src|href)=\"(?!data:)", page)
-    assert "http" not in page
+    assert "://" not in page  # a colon is in no data: letters alone might be
     for table in all_tables(reproduction.results):
         assert table.title in page
         for row in table.rows:

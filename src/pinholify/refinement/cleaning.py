@@ -20,6 +20,7 @@ from pinholify.refinement.start import ROBUST, STEPS, reposed
 ROUNDS = 3
 HALF = 0.5
 FAR = 4.0  # robust standard deviations, beyond which honest corners have a small part of the squares
+RAISED = 1.2  # times what the agreeing corners leave: no few honest ones at a strong lens's edge do that
 NOISIER = 1.02  # times the noise, above which wrong corners hid some of the lens from the choice of the trend
 
 
@@ -66,10 +67,10 @@ def spoilt(solution: Solution, seen: Observations) -> bool:
     residual = solution.model.predict(solution.state, seen).residual
     length = lengths(residual, seen.weight)
     squared, near = length**2, length < FAR * robust_scale(length)
-    if squared.sum() <= NOISIER**2 * squared[near].sum():
+    if squared.sum() <= RAISED**2 * squared[near].sum():
         return False
     keep = locally_consistent(residual, seen)
-    return bool(squared.sum() > NOISIER**2 * squared[keep].sum())
+    return bool(squared.sum() > RAISED**2 * squared[keep].sum())
 
 
 def clean(setting: Setting, best: Candidate, seen: Observations, everything: Observations) -> Cleaned:
