@@ -32,7 +32,6 @@ class Numbered(NamedTuple):
 
 def numbered_alike(corner_set: CornerSet, mirrored: bool) -> Numbered:
     """``corner_set`` with the boards renumbered that were counted the other way round; ``mirrored`` says that the
-
     images are reflections. Corners keep their order. Boards that have no such symmetry stay as they are.
     """
     views, notes = [], {}
@@ -82,7 +81,6 @@ def _affine(view: Corners, board: Board) -> Floats:
 
 def _likely_axes(view: Corners, board: Board, mirrored: bool) -> tuple[int, int]:
     """The axis first whose reversal makes x run to the right and y down (in a mirror: to the left); then the other,
-
     which differs by half a turn.
     """
     affine = _affine(view, board)

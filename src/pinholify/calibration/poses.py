@@ -22,7 +22,6 @@ CONVERGED = 1e-10  # relative decrease of the cost
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
     """What the camera saw of one board: its points ``target`` in squares, (n, 2) on its plane or (n, 3) solid,
-
     their ``coordinates`` (n, 2) of the chart, and ``whitening`` (n, 2, 2) that turns a difference of coordinates into
     px (times the corner's weight).
     """

@@ -47,7 +47,6 @@ def alternating_split(corner_set: CornerSet, views: Sequence[Corners]) -> Split:
 
 def unseen_split(calibration: Calibration, views: Sequence[Corners]) -> Split:
     """All boards of ``calibration`` train, without the corners that its fit left out as wrong; all of ``views`` are
-
     scored: inside its domain where it was imported.
     """
     trained = wrong_corners(calibration, calibration.corner_set).left_out_of(calibration.corner_set)

@@ -51,7 +51,6 @@ CONTENDERS, WINDOW = 3, 15.0  # how many of the best get a closer look, and how 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setting:
     """What all candidates share: the ``density`` of the kernel with its number of ``scales``, the ``shape``,
-
     ``half_size`` (2,) of the image, ``covered`` (n, 2) points of it all over the part that corners cover,
     ``shortest`` of the length scale's prior.
     """
@@ -100,7 +99,6 @@ class Candidate:
     @property
     def score(self) -> float:
         """What candidates are compared by: a process has to be worth its two parameters, and a trend that does not
-
         reach the image's corners has to be far better than one that does.
         """
         cost = (WORTH if self.on else 0.0) + (ENDS_COST * self.problem.rows if self.ends_in_image else 0.0)

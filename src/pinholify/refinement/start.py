@@ -95,7 +95,6 @@ class SimpleLens:
 @dataclass(frozen=True, slots=True, eq=False)
 class GivenLens:
     """A ``camera`` in the normalised coordinates of ``frame``, turned by ``turn`` (3, 3) to where trends have their
-
     axis, upright: its own, or the ray of the image's middle where it knows none.
     """
 
@@ -220,7 +219,6 @@ def scan(seen: Observations, count: int) -> list[SimpleLens]:
 
 def first_solution(setting: Setting, seen: Observations, given: GivenLens | None = None) -> tuple[Solution, bool]:
     """All boards under the best lens, refined robustly as a lens with two radial coefficients; and whether the lens
-
     ``given`` explains them as well. The scan's is taken unless the given one is clearly better: a start changes nothing
     where none is needed. The trend distorts, so it sees every ray, whatever its parameters. Raises CalibrationError
     where nothing fits.
@@ -241,7 +239,6 @@ def first_solution(setting: Setting, seen: Observations, given: GivenLens | None
 
 def _from_given(model: Model, given: GivenLens, seen: Observations) -> Solution | None:
     """From all corners, or from those alone where the camera may be believed, whichever leads nearer; None where it
-
     says too little of the boards.
     """
     believed = with_enough(seen, given.inside(seen.image))

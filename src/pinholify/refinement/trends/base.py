@@ -143,7 +143,6 @@ class Trend(Protocol):
 
     def resembling(self, other: Trend, beta: Floats) -> Floats | None:
         """The numbers that this trend shares with ``other`` as that has them in its ``beta``, the rest zero; None where
-
         the linear start is as good.
         """
         ...
