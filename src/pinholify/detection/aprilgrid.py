@@ -104,7 +104,7 @@ def _other_gap(gap: float, board: AprilGrid) -> str:
 def _no_crossings(tags: Tags, board: AprilGrid) -> str:
     read = "1 tag was read" if len(tags) == 1 else f"{len(tags)} tags were read"
     side = float(np.median(np.linalg.norm(np.diff(tags.uv, axis=2), axis=3)))
-    small = f", at more than the {side:.0f} px a tag seen here" if side < LEGIBLE else ""
+    small = f". The tags are {side:.0f} px long here: come nearer" if side < LEGIBLE else ""
     return (
         f"{read}, but too few corners of the board {board.spec} were found: its tags need the described gap between "
         f"them and the black squares between their corners, as Kalibr and 'pinholify board' print them{small}"

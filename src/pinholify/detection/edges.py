@@ -81,7 +81,7 @@ class Crossings:
         return self.uv, self.std, self.strength, self.residual, self.sound
 
 
-def joined(parts: Sequence[Crossings]) -> Crossings:
+def _joined(parts: Sequence[Crossings]) -> Crossings:
     """The corners of all ``parts``, one after the other."""
     return Crossings(*map(np.concatenate, zip(*(part._fields() for part in parts), strict=True)))
 
@@ -132,7 +132,7 @@ def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
     """Fits the two edges in each of ``windows``."""
     count = len(windows.uv)
     blocks = np.array_split(np.arange(count), max(1, -(-count // BLOCK)))
-    return joined([_fit_block(grey, windows.select(block)) for block in blocks])
+    return _joined([_fit_block(grey, windows.select(block)) for block in blocks])
 
 
 def _fit_block(grey: Grey, windows: Windows) -> Crossings:

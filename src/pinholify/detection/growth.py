@@ -231,7 +231,7 @@ def bounded(grey: Grey, lattice: Lattice, beside: float = BESIDE) -> Bools:
     return np.asarray((good > 0) & (good >= edges / 2))
 
 
-def next_corners(index: Ints) -> tuple[Ints, Ints]:
+def _next_corners(index: Ints) -> tuple[Ints, Ints]:
     """Positions in ``index`` (n, 2) of the corners one column and one row on, and of those one back: (n, 2) each, -1
     where there is none.
     """
@@ -256,7 +256,7 @@ def _areas(uv: Floats, after: Ints, before: Ints) -> Floats:
 
 def _rises(grey: Grey, lattice: Lattice, beside: float) -> tuple[Ints, Ints, Floats]:
     """As :func:`_edge_rises`, for the edges along all rows and then for those along all columns."""
-    after, before = next_corners(lattice.index)
+    after, before = _next_corners(lattice.index)
     area = _areas(lattice.uv, after, before)
     sides = [_edge_rises(grey, lattice, after[:, axis], area, beside, side) for axis, side in enumerate((1, -1))]
     start, end, rise = zip(*sides, strict=True)

@@ -85,7 +85,7 @@ def refine(
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
     seen, known = screen(first, everything)
     finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
-    if cleaned.spoilt:
+    if cleaned.rechoose:
         say("some corners were wrong: choosing the trend again without them")
         seen, known = cleaned.seen, cleaned.settled.solution
         finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
