@@ -31,4 +31,4 @@ def tilted_calibration() -> Calibration:
     domain = Domain(convex_hull(uv))
     camera = VirtualCamera(fitted.map, PlaneChart(intrinsics), intrinsics, domain, IMAGE_SIZE, fitted.noise)
     corners = CornerSet(BOARD, IMAGE_SIZE, (Corners("a.png", np.arange(54), uv),))
-    return Calibration(camera, corners, "one-image", "se", fitted.trend, "a.png", np.zeros(3), intrinsics)
+    return Calibration(camera, corners, "one-image", "se", fitted.trend, "a.png", np.zeros(3))

@@ -174,13 +174,14 @@ def _polyline(image: NDArray[Any], points: NDArray[np.float64], colour: tuple[in
     cv2.polylines(image, [path], False, colour, width, cv2.LINE_AA, shift=4)
 
 
-def _collinearity_picture(evaluation: Evaluation, size: tuple[int, int] = (1280, 960)) -> Image:
+def _collinearity_picture(evaluation: Evaluation, most: tuple[int, int] = (1280, 960)) -> Image:
     """The first few boards in the virtual plane: points, and the lines fitted to rows and columns."""
     boards = list(evaluation.observed.values())[: len(COLOURS)]
     points = np.concatenate([o.board.xy for o in boards])
     low, high = points.min(axis=0), points.max(axis=0)
-    scale = float(((np.array(size) - 80) / (high - low)).min())
-    picture = np.full((size[1], size[0], 3), 255, np.uint8)
+    scale = float(((np.array(most) - 80) / (high - low)).min())
+    width, height = np.ceil((high - low) * scale).astype(int) + 80
+    picture = np.full((height, width, 3), 255, np.uint8)
     for observed, colour in zip(boards, COLOURS, strict=False):
         _draw_board_lines(picture, observed, colour, lambda xy: (xy - low) * scale + 40.0)
     counted, error = len(evaluation.observed), evaluation.pooled.ce * 1e4

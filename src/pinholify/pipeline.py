@@ -154,10 +154,9 @@ def _calibration(
         result.trend,
         reference,
         result.intrinsics_std,
-        result.camera.intrinsics,
         square_mm,
-        points,
-        details,
+        board_points=points,
+        details=details,
     )
 
 

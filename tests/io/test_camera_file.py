@@ -64,8 +64,8 @@ def calibration_of(kernel: str = "se", trend: str = "lens:1") -> Calibration:
         trend=fitted.trend,
         reference=view.name,
         intrinsics_std=np.array([0.1, np.nan, np.inf]),
-        refined=intrinsics,
         square_mm=25.0,
+        closed_form=Intrinsics(4.2, 2.5, 2.1),
         details={"numbers": [1.0, float("nan")], "texts": {"a": None, "b": True}},
     )
 
@@ -124,7 +124,7 @@ def test_all_types_are_dataclasses_whose_fields_are_their_arguments():
 def test_everything_else_comes_back(tmp_path, written):
     (tmp_path / "c.npz").write_bytes(written[0])
     read, calibration = read_camera(tmp_path / "c.npz"), written[1]
-    for name in ("method", "kernel", "trend", "reference", "square_mm", "refined"):
+    for name in ("method", "kernel", "trend", "reference", "square_mm", "closed_form"):
         assert getattr(read, name) == getattr(calibration, name)
     assert np.array_equal(read.intrinsics_std, calibration.intrinsics_std, equal_nan=True)
     assert np.array_equal(read.board_points, calibration.board_points)
@@ -145,7 +145,7 @@ def test_header_is_readable_by_anybody(tmp_path, written):
         header = json.loads(archive["header"].tobytes())
         assert all(archive[key].dtype.kind in "fiu" for key in archive.files)
     assert header["format"] == "pinholify-camera"
-    assert header["format_version"] == 1
+    assert header["format_version"] == 2
     assert header["units"] == {"image": "px, integer = pixel centre", "virtual": "squares", "square_mm": 25.0}
     assert header["board"] == "6x5"
     assert header["handedness"] == "right-handed as seen in the image"
@@ -226,11 +226,25 @@ def test_changed_file_is_refused(tmp_path, written, change):
         read_camera(path)
 
 
-@pytest.mark.parametrize("version", [2, 99, "1", None])
+def test_a_file_of_the_first_version_is_read(tmp_path, written):
+    def as_it_was(header, arrays):
+        header["format_version"] = 1
+        fields = header["calibration"]["fields"]
+        del fields["closed_form"]
+        fields["refined"] = fields["camera"]["fields"]["intrinsics"]
+
+    path = tmp_path / "c.npz"
+    path.write_bytes(changed(written[0], as_it_was))
+    read = read_camera(path)
+    assert read.closed_form is None
+    assert read.camera.intrinsics == Intrinsics(4.3, 2.5, 2.0)
+
+
+@pytest.mark.parametrize("version", [3, 99, "1", None])
 def test_newer_version_is_refused(tmp_path, written, version):
     path = tmp_path / "c.npz"
     path.write_bytes(changed(written[0], lambda header, arrays: header.update(format_version=version)))
-    with pytest.raises(CameraFileError, match=f"format {version} .* reads up to 1: upgrade pinholify"):
+    with pytest.raises(CameraFileError, match=f"format {version} .* reads up to 2: upgrade pinholify"):
         read_camera(path)
     assert is_camera_file(path)
 

@@ -128,12 +128,14 @@ def without_wrong_corners(boards: list[MappedBoard], corner_set: CornerSet) -> l
 
 
 def observe(
-    camera: VirtualCamera, corner_set: CornerSet, solid: Solid = flat
+    camera: VirtualCamera, corner_set: CornerSet, solid: Solid = flat, closed_form: Intrinsics | None = None
 ) -> tuple[list[MappedBoard], dict[str, ObservedBoard]]:
     """All boards of ``corner_set`` as ``camera`` sees them, and the poses of those that count, by name.
 
-    ``solid`` takes lattice points (n, 2) to the board's points (n, 3); boards are flat unless it says otherwise.
+    ``solid`` takes lattice points (n, 2) to the board's points (n, 3); boards are flat unless it says otherwise. Poses
+    in closed form are those of the K of ``closed_form``, by default the camera's.
     """
+    closed_form = closed_form or camera.intrinsics
     mapped = map_views(camera, corner_set)
     used = [b for b in mapped if b.used]
     if not used:
@@ -142,9 +144,8 @@ def observe(
     every = sighting_of(camera, target, uv)
     ends = np.cumsum([len(b.uv) for b in used])
     parts = (np.split(each, ends)[:-1] for each in (every.target, every.coordinates, every.whitening))
-    return mapped, {
-        b.name: _locate(camera, b, Sighting(*part)) for b, part in zip(used, zip(*parts, strict=True), strict=True)
-    }
+    seen = [Sighting(*part) for part in zip(*parts, strict=True)]
+    return mapped, {b.name: _locate(camera, b, s, closed_form) for b, s in zip(used, seen, strict=True)}
 
 
 def map_views(camera: VirtualCamera, corner_set: CornerSet) -> list[MappedBoard]:
@@ -172,9 +173,9 @@ def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:
     return Sighting(target, camera.plane_map.value(uv), whitening)
 
 
-def _locate(camera: VirtualCamera, board: MappedBoard, seen: Sighting) -> ObservedBoard:
+def _locate(camera: VirtualCamera, board: MappedBoard, seen: Sighting, closed_form: Intrinsics) -> ObservedBoard:
     """The poses of a used board: in closed form as if it were flat, refined on the points that it was ``seen`` by."""
-    closed = pose_from_homography(board.homography, camera.intrinsics)
+    closed = pose_from_homography(board.homography, closed_form)
     refined, covariance = refine_pose(seen, closed, camera.chart)
     projected = camera.intrinsics.project(refined.apply(seen.target))
     return ObservedBoard(board, closed, refined, covariance, projected)

@@ -110,6 +110,51 @@ def refine_intrinsics(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Influence:
+    """What K = (f, uc, vc) owes to each board, to first order around the least squares.
+
+    ``responses`` are ∂K/∂(shift of the board's corners in px, times their weights), (3, 2n) a board; ``left_out``
+    (boards, 3) is how K moves where one board is left out, nan where the others do not determine it.
+    """
+
+    responses: tuple[Floats, ...]
+    left_out: Floats
+
+    @property
+    def jackknife_std(self) -> Floats | None:
+        """Standard deviations (3,) of K by leaving out one board at a time; None below four boards (Efron 1982)."""
+        n = len(self.left_out)
+        if n < 4 or not np.isfinite(self.left_out).all():
+            return None
+        return np.asarray(np.sqrt((n - 1) / n * ((self.left_out - self.left_out.mean(axis=0)) ** 2).sum(axis=0)))
+
+
+def influence_on_intrinsics(
+    sightings: Sequence[Sighting], intrinsics: Intrinsics, poses: Sequence[Pose]
+) -> Influence:
+    """How the K that :func:`refine_intrinsics` finds depends on the boards, at what it found."""
+    free, pulls = [], []
+    for sighting, pose in zip(sightings, poses, strict=True):
+        by_k, by_pose, residual = _derivatives(sighting, pose, intrinsics)
+        basis = np.linalg.qr(by_pose)[0]
+        free.append(by_k - basis @ (basis.T @ by_k))  # what no pose can make good
+        pulls.append(free[-1].T @ residual)
+    information = np.stack([rows.T @ rows for rows in free])
+    whole = information.sum(axis=0)
+    return Influence(
+        tuple(np.linalg.solve(whole, rows.T) for rows in free),
+        np.stack([_solved(whole - own, pull) for own, pull in zip(information, pulls, strict=True)]),
+    )
+
+
+def _solved(matrix: Floats, right: Floats) -> Floats:
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return np.full(len(right), np.nan)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Arrow:
     """Normal equations shaped like an arrow: K (3, 3), poses (n, 6, 6), between them (n, 3, 6), and right sides."""
 
@@ -123,13 +168,7 @@ class _Arrow:
 
 def _linearise(sightings: Sequence[Sighting], k: Floats, poses: Sequence[Pose]) -> _Arrow:
     intrinsics = Intrinsics(*(float(x) for x in k))
-    blocks = []
-    for sighting, pose in zip(sightings, poses, strict=True):
-        residual, by_pose = pose_residuals(sighting, pose, PlaneChart(intrinsics))
-        directions = pose.apply(sighting.target)
-        shape = (directions[:, :2] / directions[:, 2:])[:, :, None]
-        by_k = np.concatenate([shape, np.broadcast_to(np.eye(2), (len(shape), 2, 2))], axis=2)
-        blocks.append(((sighting.whitening @ by_k).reshape(-1, 3), by_pose, residual))
+    blocks = [_derivatives(*each, intrinsics) for each in zip(sightings, poses, strict=True)]
     return _Arrow(
         np.sum([a.T @ a for a, _, _ in blocks], axis=0),
         np.stack([b.T @ b for _, b, _ in blocks]),
@@ -138,6 +177,15 @@ def _linearise(sightings: Sequence[Sighting], k: Floats, poses: Sequence[Pose]) 
         np.stack([b.T @ r for _, b, r in blocks]),
         float(sum(r @ r for _, _, r in blocks)),
     )
+
+
+def _derivatives(sighting: Sighting, pose: Pose, intrinsics: Intrinsics) -> tuple[Floats, Floats, Floats]:
+    """Of one board: the residuals' derivatives by K (2n, 3) and by its pose (2n, 6), and the residuals (2n,), px."""
+    residual, by_pose = pose_residuals(sighting, pose, PlaneChart(intrinsics))
+    directions = pose.apply(sighting.target)
+    shape = (directions[:, :2] / directions[:, 2:])[:, :, None]
+    by_k = np.concatenate([shape, np.broadcast_to(np.eye(2), (len(shape), 2, 2))], axis=2)
+    return (sighting.whitening @ by_k).reshape(-1, 3), by_pose, residual
 
 
 def _eliminated_step(system: _Arrow, damping: float) -> tuple[Floats, Floats]:

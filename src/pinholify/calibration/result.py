@@ -17,8 +17,8 @@ from pinholify.corners import CornerSet
 class Calibration:
     """A camera, the corners it was made from and how.
 
-    ``intrinsics_std`` (3,) are the standard deviations of f, uc, vc in squares, nan where unknown. ``refined`` is K by
-    least squares over all boards, reported beside the closed form of the one-image method. ``square_mm`` is the
+    ``intrinsics_std`` (3,) are the standard deviations of f, uc, vc in squares, nan where unknown. ``closed_form`` is
+    K as the paper has it, by the simplified Zhang's method alone; None where a method has none. ``square_mm`` is the
     board's square where the user gave it. ``board_points`` (corners, 3) are the board's points by id, in squares: flat
     unless a method found the board bent or stretched. ``details`` are plain numbers and texts, JSON-able.
     """
@@ -30,8 +30,8 @@ class Calibration:
     trend: str
     reference: str
     intrinsics_std: Floats
-    refined: Intrinsics
     square_mm: float | None = None
+    closed_form: Intrinsics | None = None
     board_points: Floats = None  # type: ignore[assignment]  # the flat lattice; an array once made
     details: dict[str, object] = field(default_factory=dict)
 

@@ -100,17 +100,3 @@ def pose_from_homography(homography: Floats, intrinsics: Intrinsics) -> Pose:
     m = m if m[2, 2] > 0 else -m
     rotation = nearest_rotation(np.column_stack([m[:, 0], m[:, 1], np.cross(m[:, 0], m[:, 1])]))
     return Pose(rotation, np.asarray(m[:, 2], dtype=np.float64))
-
-
-def jackknife_std(homographies: Floats, plane: Floats) -> Floats | None:
-    """Standard deviations (3,) of f, uc, vc by leaving out one board at a time; None below four boards (Efron 1982)."""
-    n = len(homographies)
-    if n < 4:
-        return None
-    kept = np.stack([np.delete(np.arange(n), i) for i in range(n)])
-    values, _, valid = solve(homographies[kept], plane)
-    if not valid.all():
-        return None
-    return np.asarray(np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0)))
-
-

@@ -28,7 +28,7 @@ def _wrong(evaluation: Evaluation) -> dict[str, Any]:
 def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
     """The object that ``--json`` prints; its keys are fixed."""
     calibration = evaluation.calibration
-    k, refined = calibration.camera.intrinsics, calibration.refined
+    k, closed = calibration.camera.intrinsics, calibration.closed_form
     f_std, uc_std, vc_std = (float(s) for s in calibration.intrinsics_std)
     return {
         "format_version": 1,
@@ -41,7 +41,7 @@ def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
         "f_std": f_std,
         "uc_std": uc_std,
         "vc_std": vc_std,
-        "refined": {"f": refined.f, "uc": refined.uc, "vc": refined.vc},
+        "closed_form": None if closed is None else {"f": closed.f, "uc": closed.uc, "vc": closed.vc},
         "square_mm": calibration.square_mm,
         "reference": calibration.reference,
         "mirrored": calibration.camera.mirrored,

@@ -128,7 +128,7 @@ def evaluate(
     corner_set = centred(corner_set, calibration)
     strange, wrong = unseen(calibration, corner_set), wrong_corners(calibration, corner_set)
     corner_set = wrong.left_out_of(corner_set)
-    mapped, observed = observe(calibration.camera, corner_set, calibration.solid)
+    mapped, observed = observe(calibration.camera, corner_set, calibration.solid, calibration.closed_form)
     if not observed:
         reasons = sorted({b.reason for b in mapped if b.corners}) or ["no board was found"]
         raise CalibrationError(
@@ -186,7 +186,7 @@ class _Measured:
 def _measured(observed: ObservedBoard, calibration: Calibration) -> _Measured:
     return _Measured(
         collinearity_errors(observed.board.lattice, observed.board.xy),
-        closed_form_percent(observed, calibration.camera.intrinsics),
+        closed_form_percent(observed, calibration.closed_form or calibration.camera.intrinsics),
         refined_percent(observed),
         observed.residual_px,
     )

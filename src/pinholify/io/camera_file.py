@@ -29,7 +29,7 @@ from pinholify.errors import CameraFileError, PinholifyError
 from pinholify.io.files import atomic_path
 
 FORMAT = "pinholify-camera"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 MAX_BYTES = 1 << 30
 
 HOMES = {
@@ -107,11 +107,18 @@ def read_camera(path: str | os.PathLike[str]) -> Calibration:
             f"'{name}' has camera format {version} and this pinholify reads up to {FORMAT_VERSION}: upgrade pinholify"
         )
     try:
-        return _checked(_decode(header["calibration"], arrays))
+        return _checked(_decode(_brought_up(header["calibration"], version), arrays))
     except Exception as error:  # whatever is wrong in the file, and however it shows, it is the file's fault
         raise CameraFileError(
             f"'{name}' is damaged ({type(error).__name__}: {error}); calibrate again or fetch the file again"
         ) from None
+
+
+def _brought_up(calibration: Any, version: int) -> Any:
+    """The header's object as this version writes it. Version 1 had the closed form as the camera's K."""
+    if version < 2:
+        calibration["fields"].pop("refined", None)
+    return calibration
 
 
 def _checked(calibration: Any) -> Calibration:

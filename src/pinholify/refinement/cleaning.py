@@ -27,8 +27,8 @@ NOISIER = 1.02  # times the noise, above which wrong corners hid some of the len
 @dataclass(frozen=True, slots=True, eq=False)
 class Cleaned:
     """The finished solve of the corners ``seen``; ``residuals`` (n, 2) and ``inliers`` (n,) of all corners of
-    the used views by name, and ``misfits``: why the other views were not used. ``rechoose``: whether the trend was chosen
-    with corners that are wrong, and that hid some of the lens.
+    the used views by name, and ``misfits``: why the other views were not used. ``rechoose``: whether the trend was
+    chosen with corners that are wrong, and that hid some of the lens.
     """
 
     settled: Settled

@@ -13,6 +13,7 @@ from pinholify.arrays import Floats
 from pinholify.board import Board
 from pinholify.calibration.poses import moved
 from pinholify.camera import VirtualCamera
+from pinholify.charts import Intrinsics
 from pinholify.corners import Corners, CornerSet
 from pinholify.evaluation.baseline import BoardPoints
 from pinholify.evaluation.heldout import alternating_split, heldout_rms
@@ -108,10 +109,9 @@ def truth_errors(dataset: Dataset, evaluation: Evaluation, poses: Mapping[str, P
     k, true_k = calibration.camera.intrinsics, virtual_camera(reference) if dataset.lens.central else None
     error = None if true_k is None else (k.f - true_k[0], k.uc - true_k[1], k.vc - true_k[2])
     middle = np.array([[dataset.board.columns - 1.0, dataset.board.rows - 1.0]]) / 2.0
-    virtual_reference = Pose(np.eye(3), np.array([-k.uc, -k.vc, k.f]))
     others = [(o, poses[name]) for name, o in evaluation.observed.items() if name != calibration.reference]
-    found_closed = [relative(virtual_reference, o.closed_form) for o, _ in others]
-    found_refined = [relative(virtual_reference, o.refined) for o, _ in others]
+    found_closed = [relative(_of_reference(calibration.closed_form or k), o.closed_form) for o, _ in others]
+    found_refined = [relative(_of_reference(k), o.refined) for o, _ in others]
     true = [relative(reference, pose) for _, pose in others]
     return TruthErrors(
         map_error(calibration.camera, dataset.lens, dataset.truth(), reference),
@@ -120,6 +120,11 @@ def truth_errors(dataset: Dataset, evaluation: Evaluation, poses: Mapping[str, P
         _pose_errors(found_closed, true, middle),
         _pose_errors(found_refined, true, middle),
     )
+
+
+def _of_reference(k: Intrinsics) -> Pose:
+    """Where the reference board stands in the camera's frame, by definition."""
+    return Pose(np.eye(3), np.array([-k.uc, -k.vc, k.f]))
 
 
 def relative(reference: Pose, pose: Pose) -> Pose:

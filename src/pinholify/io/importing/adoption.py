@@ -100,7 +100,6 @@ def _calibration(
         trend=theirs.model,
         reference=theirs.source,
         intrinsics_std=np.full(3, np.nan),
-        refined=camera.intrinsics,
         square_mm=square_mm,
         details=details,
     )
