@@ -144,6 +144,7 @@ def _calibration(
         "board_bow_squares": shape.bow,
         "board_stretch": shape.stretch,
         "start_fits": result.start_fits,
+        "disagreement": result.disagreement,
         "board_bow_mm": None if shape.bow is None or square_mm is None else shape.bow * square_mm,
     }
     return Calibration(

@@ -223,7 +223,7 @@ def _explained(
     own = np.concatenate([-by_point @ cross_matrices(xyz - pose.translation), by_point], axis=2).reshape(-1, 6)
     rows = _px_features(plane_map, uv).reshape(len(own), -1) @ plane_map.root
     rows -= own @ np.linalg.lstsq(own, rows, rcond=None)[0]  # the new board's own pose is free
-    rows *= np.sqrt(every) / camera.noise_px
+    rows *= np.sqrt(every) / (camera.noise_px * plane_map.disagreement)  # a board like those that there are
     # Woodbury: (1 + BᵀB)⁻¹ = 1 − Bᵀ(1 + BBᵀ)⁻¹B with B the rows.
     root = np.linalg.cholesky(np.eye(len(rows)) + rows @ rows.T)
     return float((np.linalg.solve(root, rows @ spread.T) ** 2).sum())

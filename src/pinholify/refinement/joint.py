@@ -15,6 +15,7 @@ from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement.candidates import Candidate, Setting, candidates, contest
 from pinholify.refinement.cleaning import Cleaned, clean, screen, spoilt
+from pinholify.refinement.disagreement import disagreement
 from pinholify.refinement.observations import (
     ImageFrame,
     Observations,
@@ -175,6 +176,7 @@ def _result(
     settled, seen = cleaned.settled, cleaned.seen
     middle = lattice_middle(corner_set.board)
     plane_map = joint_map(settled, seen, frame, seen.names.index(reference), middle)
+    plane_map = plane_map.with_disagreement(disagreement(settled, seen, plane_map))
     hyper = settled.hyperparameters
     noise_px = hyper.noise * frame.scale
     residuals = {name: r * frame.scale * frame.signs for name, r in cleaned.residuals.items()}
@@ -193,4 +195,5 @@ def _result(
         kernel_px=kernel_px,
         shape=shape_of(settled, lattice(corner_set.board) - middle),
         log_evidence=_per_px(settled.log_evidence, seen, frame),
+        disagreement=plane_map.disagreement,
     )

@@ -40,7 +40,7 @@ class JointMap:
 
     ``turn_root`` (3, r) turns the camera so that what ``root`` does to the map's rays is as small as a turn can make
     it. The covariance is of rays in the reference board's frame: it counts that this frame is only known as well
-    as that board's pose.
+    as that board's pose. ``disagreement`` is the factor by which the roots are larger than the noise alone makes them.
     """
 
     frame: ImageFrame
@@ -53,6 +53,7 @@ class JointMap:
     middle: Floats
     root: Floats
     turn_root: Floats
+    disagreement: float = 1.0
 
     def __post_init__(self) -> None:
         unknowns = 2 * len(self.basis) + len(self.beta) + POSE
@@ -96,6 +97,10 @@ class JointMap:
         turns = features[:, :, -POSE:-3].reshape(-1, 3)
         back = np.linalg.pinv(turns) @ features[:, :, :-POSE].reshape(len(turns), -1)
         return replace(self, turn_root=-back @ self.root[:-POSE])
+
+    def with_disagreement(self, factor: float) -> JointMap:
+        """The same map where the boards disagree ``factor`` times as much as their noise explains."""
+        return replace(self, root=factor * self.root, turn_root=factor * self.turn_root, disagreement=factor)
 
     def virtual_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) of virtual points, squares²: what the reference board's pose and K share cancels."""

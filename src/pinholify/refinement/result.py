@@ -17,7 +17,7 @@ from pinholify.refinement.observations import ImageFrame, Observations
 from pinholify.refinement.settle import Settled
 
 ENOUGH_TO_TURN = 1000  # corners to fit three angles to
-DOMAIN_STD = 5.0  # standard deviations of a corner's noise, beyond which the map is not believed
+DOMAIN_STD = 5.0  # standard deviations of a corner (as boards disagree by), beyond which the map is not believed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,8 @@ class JointResult:
     which views were not used, and why; ``dropped_corners`` how many corners of a used view were.
     ``candidates`` are the trends tried (``+gp`` with the process) with their log evidence per squared px;
     ``kernel_px`` is (σ_f, length scales) in px, empty where the evidence switched the process off. ``start_fits``:
-    whether the camera that was given as a start explains the corners; None where none was given.
+    whether the camera that was given as a start explains the corners; None where none was given. ``disagreement``: how
+    many times larger the boards' disagreement, and so every standard deviation, is than the noise makes it.
     """
 
     camera: VirtualCamera
@@ -61,6 +62,7 @@ class JointResult:
     shape: Shape
     log_evidence: float
     start_fits: bool | None = None
+    disagreement: float = 1.0
 
     @property
     def intrinsics_std(self) -> Floats:
@@ -120,7 +122,8 @@ def intrinsics_of(plane_map: JointMap) -> Intrinsics:
 def camera_of(plane_map: JointMap, seen: Observations, image_size: tuple[int, int], noise_px: float) -> VirtualCamera:
     """The virtual camera in the reference board's frame, believed inside the hull of all corners."""
     frame = plane_map.frame
-    domain = Domain(convex_hull(frame.restore(seen.image)), DOMAIN_STD * noise_px)
+    limit = DOMAIN_STD * noise_px * plane_map.disagreement
+    domain = Domain(convex_hull(frame.restore(seen.image)), limit)
     chart = AngleChart(plane_map.rotation.T)
     return VirtualCamera(plane_map, chart, intrinsics_of(plane_map), domain, image_size, noise_px, frame.mirrored)
 
