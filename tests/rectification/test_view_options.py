@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import re
+
 import click
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from pinholify.cli.undistort_command import command
-from pinholify.cli.view_options import VIEWS, turn
-from pinholify.io.camera_file import write_camera
+from pinholify.cli.view_options import FLAT_VIEWS, VIEWS, turn
+from pinholify.io.camera_file import read_camera, write_camera
 from pinholify.io.images import read_image, write_image
 from pinholify.rectification import views
+from pinholify.rectification.maps import rectification_map
+from pinholify.rectification.surfaces import Plane
+from pinholify.rectification.trust import source_mask
 from synthetic import SIZE
 
 
 def test_the_names_are_those_of_the_library():
     assert views.VIEWS == VIEWS
+    assert {name for name in VIEWS if isinstance(views.SURFACES.get(name, Plane()), Plane)} == set(FLAT_VIEWS)
 
 
 @pytest.mark.parametrize(
@@ -29,7 +36,7 @@ def test_turns_are_read(text, degrees):
 
 @pytest.mark.parametrize("text", ["", "left", "1;2", "1,2,3,4", "nan", "1,,2", "1e3"])
 def test_what_is_no_turn_is_refused(text):
-    with pytest.raises(click.BadParameter, match="write degrees YAW,PITCH,ROLL"):
+    with pytest.raises(click.BadParameter, match=r"write degrees YAW\[,PITCH\[,ROLL\]\]"):
         turn(text)
 
 
@@ -68,13 +75,35 @@ def test_a_width_and_what_to_keep_are_one_too_many(files, tmp_path):
     assert "cannot both be asked for" in straightened(files, tmp_path, "--fov", "60", "--keep", "valid")
 
 
-def test_a_view_of_nothing_is_said(files, tmp_path):
-    def said(*options):
-        given = [str(files / "camera.npz"), str(files / "white.png"), "-o", str(tmp_path / "".join(options)), *options]
-        result = CliRunner().invoke(command, given)
-        assert result.exit_code == 0
-        return result.stderr
+def said(files, folder, *options):
+    given = [str(files / "camera.npz"), str(files / "white.png"), "-o", str(folder / "".join(options)), *options]
+    result = CliRunner().invoke(command, given)
+    assert result.exit_code == 0
+    return result.stderr
 
-    assert "sees nothing of this view" in said("--view", "cube-back")
-    assert "sees nothing of this view" in said("--fov", "40", "--turn", "180")
-    assert said("--view", "cube-front") == said("--fov", "40") == ""
+
+def test_a_black_face_of_a_cube_is_said(files, tmp_path):
+    assert "sees nothing of this view" in said(files, tmp_path, "--view", "cube-back")
+    assert said(files, tmp_path, "--view", "cube-front") == ""
+
+
+@pytest.mark.parametrize("options", [("--fov", "40", "--turn", "180"), ("--turn", "150"), ("--turn", "180,0,0")])
+def test_any_other_view_of_nothing_is_refused(files, tmp_path, options):
+    assert "looks away from everything the camera sees" in straightened(files, tmp_path / "out", *options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_a_fitted_view_leaves_out_is_said(files, tmp_path):
+    for options in ((), ("--keep", "valid"), ("--fov", "40")):
+        assert said(files, tmp_path, *options) == ""
+    turned = re.fullmatch(r"note: (.*)% of what is known of the photograph .*\n", said(files, tmp_path, "--turn", "50"))
+    camera = read_camera(files / "camera.npz").camera
+    view = views.named_view(camera, "camera", None, None, turn=(50.0, 0.0, 0.0))
+    shown = np.zeros((SIZE[1], SIZE[0]), bool)
+    u, v = np.rint(np.moveaxis(rectification_map(camera, view).uv, -1, 0)).astype(int).reshape(2, -1)
+    within = (u >= 0) & (v >= 0) & (u < SIZE[0]) & (v < SIZE[1])
+    shown[v[within], u[within]] = True
+    # The photograph magnified leaves gaps, so holes are closed.
+    shown = cv2.morphologyEx(shown.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((7, 7))).astype(bool)
+    known = source_mask(camera, None)
+    assert float(turned[1]) == pytest.approx(100 * (known & ~shown).sum() / known.sum(), abs=1.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,7 +18,8 @@ from pinholify.rectification.maps import rectification_map, remap
 from pinholify.rectification.rectangle import largest_rectangle
 from pinholify.rectification.straightener import Straightener
 from pinholify.rectification.surfaces import Cylinder, Plane, Sphere
-from pinholify.rectification.views import CUBE, SURFACES, View, named_view
+from pinholify.rectification.trust import believable, source_mask
+from pinholify.rectification.views import CUBE, SURFACES, View, named_view, share_outside
 
 SIZE = (640, 480)
 SCALE = 200.0  # px a radian: 183° across, 137° down
@@ -128,11 +131,68 @@ def test_a_view_all_around_shows_the_whole_image_and_no_more(fisheye, name):
     view = named_view(fisheye, name, (400, 300), None)
     v, u = (grid.ravel() for grid in np.mgrid[0:480:20, 0:640:20])
     directions = fisheye.chart.directions(fisheye.plane_map.value(np.column_stack([u, v]).astype(float)))
-    seen = view.project(directions[SURFACES[name].reaches(directions)])
+    seen = view.project(directions[SURFACES[name].steepness(directions) < np.deg2rad(65.0)])
     assert (seen > -0.5).all()
     assert (seen < np.array([400, 300]) - 0.5).all()
     spread = (np.ptp(seen, axis=0) / [399, 299]).max()
     assert spread > 0.95
+
+
+def with_corners_up_to(fisheye, degrees, max_std=np.inf):
+    """Its corners reach that far from the axis, in all directions."""
+    around = np.linspace(0.0, 2.0 * np.pi, 60)
+    circle = MIDDLE + SCALE * np.deg2rad(degrees) * np.column_stack([np.cos(around), np.sin(around)])
+    return replace(fisheye, domain=Domain(convex_hull(circle), max_std))
+
+
+def seen_share(camera, view, uv):
+    """The share of pixels ``uv`` that ``view`` shows."""
+    seen = view.project(camera.chart.directions(camera.plane_map.value(uv)))
+    return ((seen >= -0.5) & (seen <= np.array(view.size) - 0.5)).all(axis=1).mean()
+
+
+def test_where_a_std_is_known_corners_are_no_limit_of_views(fisheye):
+    """What pictures show is what the view is fitted to, and a stricter limit never shows more."""
+    camera = with_corners_up_to(fisheye, 20.0, max_std=0.3)
+    view = named_view(camera, "camera", (400, 300), None)
+    known = np.argwhere(source_mask(camera, None))[:, ::-1].astype(float)
+    assert seen_share(camera, view, known) == 1.0
+    assert rectification_map(camera, view).valid.mean() > 0.5
+    asked = [named_view(camera, "camera", (400, 300), limit).matrix[0, 0] for limit in (0.15, 0.2, 0.3)]
+    assert asked[0] > asked[1] > asked[2] == view.matrix[0, 0]
+
+
+def test_where_no_std_limits_what_is_known_the_hull_does(fisheye):
+    camera = with_corners_up_to(fisheye, 40.0)
+    view = named_view(camera, "camera", (400, 300), None)
+    corners = camera.domain.hull.vertices
+    assert seen_share(camera, view, corners) == 1.0
+    top, bottom = directions_of(view, [[199.5, 0.0], [199.5, 299.0]])
+    assert np.rad2deg(np.arccos(top @ bottom)) == pytest.approx(80.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("corners", "reach"), [(50.0, 65.0), (67.0, 67.0), (69.9, 69.9), (71.0, 65.0), (85.0, 65.0)])
+def test_a_flat_view_goes_to_65_degrees_and_to_70_for_the_sake_of_all_corners(fisheye, corners, reach):
+    camera = with_corners_up_to(fisheye, corners, max_std=10.0)
+    view = named_view(camera, "camera", (300, 300), None)
+    left, right = directions_of(view, [[0.0, 149.5], [299.0, 149.5]])
+    assert np.rad2deg(np.arccos(left @ right)) == pytest.approx(2.0 * reach, abs=0.7)
+    on_image = np.clip(camera.domain.hull.vertices, 0.0, np.array(SIZE) - 1.0)
+    assert (seen_share(camera, view, on_image) == 1.0) == (corners <= 70.0)
+
+
+def test_the_share_outside_a_view(fisheye):
+    view = named_view(fisheye, "camera", (400, 300), None, fov=90.0)
+    u, v = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    uv = np.column_stack([u.ravel(), v.ravel()]).astype(float)
+    assert share_outside(fisheye, view, None) == pytest.approx(1.0 - seen_share(fisheye, view, uv), abs=0.005)
+    assert share_outside(fisheye, named_view(fisheye, "equirectangular", (400, 300), None), None) == 0.0
+
+
+def test_nothing_outside_the_image_may_be_believed(fisheye):
+    uv = np.array([[5000.0, 5000.0], [-1.0, 0.0], [np.nan, 3.0], [np.inf, 0.0], [0.0, 479.6], [3.0, 3.0]])
+    for limit in (None, 10.0):
+        np.testing.assert_array_equal(believable(fisheye, uv, limit), [False] * 5 + [True])
 
 
 @pytest.mark.parametrize("name", ["camera", "cylindrical", "equirectangular"])
@@ -213,6 +273,30 @@ def test_a_splat_leaves_no_holes_where_a_view_magnifies(fisheye):
     picture = np.full((SIZE[1], SIZE[0], 3), 200, np.uint8)
     splatted = Straightener(fisheye, "camera", (400, 300), method="splat", fov=25.0)(picture)
     assert (splatted == 200).all()
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_a_splat_is_made_as_the_paper_says(fisheye, dtype, channels):
+    """Every pixel goes to its rounded place; a hole is the median of those of its eight neighbours that are there."""
+    picture = np.random.default_rng(0).integers(0, 255, (SIZE[1], SIZE[0], *channels)).astype(dtype)
+    straighten = Straightener(fisheye, "camera", (400, 300), method="splat", fov=100.0)
+    placed = np.full((302, 402, *channels), np.nan)
+    v, u = (grid.ravel() for grid in np.mgrid[0 : SIZE[1], 0 : SIZE[0]])
+    directions = fisheye.chart.directions(fisheye.plane_map.value(np.column_stack([u, v]).astype(float)))
+    x, y = np.rint(np.nan_to_num(straighten.view.project(directions), nan=-1.0)).astype(int).T
+    seen = (x >= 0) & (y >= 0) & (x < 400) & (y < 300)
+    placed[y[seen] + 1, x[seen] + 1] = picture[v[seen], u[seen]]
+    holes = np.argwhere(np.isnan(placed.reshape(302, 402, -1)[1:-1, 1:-1, 0])) + 1
+    expected = placed.copy()
+    for row, column in holes:
+        around = placed[row - 1 : row + 2, column - 1 : column + 2].reshape(9, *channels)
+        expected[row, column] = np.nanmedian(around, axis=0) if np.isfinite(around).any() else np.nan
+    at_once = np.isfinite(expected[1:-1, 1:-1])
+    assert len(holes) > 1000
+    assert at_once.mean() > 0.99
+    agree = straighten(picture)[at_once] == expected[1:-1, 1:-1][at_once].astype(dtype)
+    assert agree.mean() > 0.999  # but for rays halfway between pixels
 
 
 def test_a_splat_grows_no_streaks(fisheye):

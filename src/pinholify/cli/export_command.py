@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from pinholify.cli import options
 from pinholify.cli.options import check_output, examples, force_option, say
+from pinholify.cli.view_options import ViewChoice, flat_view_options
 from pinholify.io.export import FORMATS
 
 FORMAT_LIST = "\b\nFormats:\n" + "\n".join(f"  {name:14} {title}" for name, title in FORMATS.items())
@@ -26,35 +26,21 @@ FORMAT_LIST = "\b\nFormats:\n" + "\n".join(f"  {name:14} {title}" for name, titl
     metavar="NAME",
     help="What to write; see the list below.",
 )
-@click.option(
-    "--view",
-    type=click.Choice(["camera", "board"]),
-    default="camera",
-    show_default=True,
-    help="Look along the optical axis, or straight at the reference board.",
-)
-@click.option("--size", type=options.size, metavar="WxH", help="Size of the view in px; the image's by default.")
-@click.option(
-    "--max-std",
-    type=click.FloatRange(min=0, min_open=True),
-    help="Show what is known to this many px, instead of the camera's domain.",
-)
+@flat_view_options
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="File to write.")
 @force_option
 def command(
     camera: Path,
     format_name: str,
-    view: str,
-    size: tuple[int, int] | None,
-    max_std: float | None,
+    choice: ViewChoice,
     output: Path,
     force: bool,
 ) -> None:
     """Write an ideal pinhole view of CAMERA, or the camera itself, in the format of another program.
 
-    The view has no distortion: it is true of images that 'pinholify undistort' made with the same --view, --size and
-    --max-std. Only mrcal-splined is true of the images as they are. What the view or the format leaves out is said on
-    standard error.
+    The view has no distortion: it is true of images that 'pinholify undistort' made with the same --view, --size,
+    --turn, --fov, --keep and --max-std. Only mrcal-splined is true of the images as they are. What the view or the
+    format leaves out is said on standard error.
     """
     from pinholify.io.camera_file import read_camera
     from pinholify.io.export import format_named
@@ -64,8 +50,8 @@ def command(
     form.check_path(output)
     for file in form.files(output):
         check_output(file, force=force, inputs=(camera,))
-    lost = export_view(read_camera(camera).camera, format_name, output, view, size=size, max_std=max_std)
-    what = f"view '{view}'" if form.of_view else "the camera"
+    lost = export_view(read_camera(camera).camera, format_name, output, choice.view, **choice.options())
+    what = f"view '{choice.view}'" if form.of_view else "the camera"
     click.echo(f"wrote {' and '.join(str(file) for file in form.files(output))}: {what} for {format_name}")
     for sentence in lost:
         say(f"note: {sentence}")

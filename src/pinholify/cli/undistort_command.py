@@ -10,11 +10,12 @@ import click
 
 from pinholify.cli.options import examples, force_option, json_option, print_json, progress, say
 from pinholify.cli.video import CODECS, straighten_one_video
-from pinholify.cli.view_options import ViewChoice, view_options
+from pinholify.cli.view_options import ViewChoice, view_json, view_options
 from pinholify.errors import ImageError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.batch.jobs import Report
+    from pinholify.rectification.straightener import Straightener
 
 
 EXAMPLES = examples(
@@ -86,17 +87,23 @@ def command(
             on_outcome=lambda _: advance(),
         )  # fmt: skip
     if as_json:
-        print_json(to_json(report))
+        print_json(to_json(report, straighten))
     else:
         say_what_was_written(report, output)
     if report.failed:
         raise ImageError(summary_of(report.failed, len(report.written) + len(report.failed)))
 
 
-def to_json(report: Report) -> dict[str, Any]:
+def to_json(report: Report, straightener: Straightener) -> dict[str, Any]:
     """The object that ``--json`` prints."""
     finished = {"finished_before": report.finished} if report.finished else {}
-    return {"format_version": 1, "written": report.written, **finished, "failed": report.failed}
+    return {
+        "format_version": 1,
+        "written": report.written,
+        **finished,
+        "failed": report.failed,
+        "view": view_json(straightener),
+    }
 
 
 def say_what_was_written(report: Report, folder: str) -> None:

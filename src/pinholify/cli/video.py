@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinholify.cli.options import check_output, print_json, progress, say
+from pinholify.cli.view_options import view_json
 from pinholify.errors import InputError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -48,12 +49,12 @@ def straighten_one_video(
                 say("stopped; the same command goes on with what is done so far, kept in " + job.parts.name)
             raise
     if as_json:
-        print_json(to_json(job, frames))
+        print_json(to_json(job, frames, straightener))
     else:
         click.echo(f"wrote {target}: {frames} frames")
 
 
-def to_json(job: VideoJob, frames: int) -> dict[str, Any]:
+def to_json(job: VideoJob, frames: int, straightener: Straightener) -> dict[str, Any]:
     """The object that ``--json`` prints."""
     return {
         "format_version": 1,
@@ -63,6 +64,7 @@ def to_json(job: VideoJob, frames: int) -> dict[str, Any]:
         "encoder": job.encoding.encoder,
         "pixel_format": job.encoding.pixel_format,
         "left_out": job.left_out,
+        "view": view_json(straightener),
     }
 
 

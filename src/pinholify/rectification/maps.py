@@ -39,7 +39,7 @@ class RectificationMap:
 def rectification_map(
     camera: VirtualCamera, view: View, *, max_std: float | None = None, with_std: bool = False
 ) -> RectificationMap:
-    """The backward map of ``view``; valid inside the domain, or where the std is at most ``max_std`` px."""
+    """The backward map of ``view``, valid where it shows what may be believed, as ``source_mask`` says of the image."""
     planes = inverse_map(camera, view)
     # A sum is the quickest question whether any is nan. What becomes of nan in cv2.remap depends on the processor.
     whole = planes if np.isfinite(planes.sum()) else np.nan_to_num(planes, nan=OUTSIDE)
@@ -121,41 +121,6 @@ def sampler(rectification: RectificationMap, image_size: tuple[int, int], *, fix
 def remap(image: Image, rectification: RectificationMap) -> Image:
     """``image`` (h, w[, c]) of any depth resampled to the view by cubic interpolation; black where not valid."""
     return sampler(rectification, (image.shape[1], image.shape[0]))(image)
-
-
-def splat(image: Image, camera: VirtualCamera, view: View, *, max_std: float | None = None) -> Image:
-    """The paper's way: every pixel forward to its rounded place, holes filled by the median of their neighbours."""
-    width, height = view.size
-    to_view = expand(
-        lambda uv: view.project(camera.chart.directions(camera.plane_map.value(uv))), camera.image_size, tolerance=0.05
-    )
-    known = np.isfinite(to_view).all(axis=0) & source_mask(camera, max_std)
-    column, row = np.rint(np.clip(to_view[:, known], -1, 1 << 30)).astype(np.int64)
-    inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-    out = np.zeros((height, width, *image.shape[2:]), dtype=image.dtype)
-    filled = np.zeros((height, width), dtype=bool)
-    x, y = column[inside], row[inside]
-    out[y, x], filled[y, x] = image[known][inside], True
-    return _fill_holes(out, filled, filled | rectification_map(camera, view, max_std=max_std).valid)
-
-
-def _fill_holes(image: Image, filled: Bools, wanted: Bools) -> Image:
-    """Every empty pixel that is ``wanted`` gets the median, by channel, of the filled ones around it.
-
-    Where the view magnifies, pixels lie far apart and all grow alike until they meet.
-    """
-    while True:
-        windows = np.lib.stride_tricks.sliding_window_view(np.pad(filled, 1), (3, 3))
-        holes = wanted & ~filled & windows.any(axis=(2, 3))
-        if not holes.any():
-            return image
-        y, x = np.nonzero(holes)
-        edge = [(1, 1), (1, 1)] + [(0, 0)] * (image.ndim - 2)
-        values = np.lib.stride_tricks.sliding_window_view(np.pad(image, edge), (3, 3), axis=(0, 1))[y, x]
-        around = windows[y, x].reshape((len(y), *([1] * (image.ndim - 2)), 3, 3))
-        neighbours = np.where(around, values, np.nan).reshape(*values.shape[:-2], 9)
-        image[y, x] = np.nanmedian(neighbours, axis=-1).astype(image.dtype)
-        filled = filled | holes
 
 
 def _supported(image: Image) -> Image:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 from pinholify.camera import VirtualCamera, virtual
 from pinholify.errors import ImageError, InputError
-from pinholify.rectification.maps import Image, Sampler, rectification_map, sampler, splat
+from pinholify.rectification.maps import Image, Sampler, rectification_map, sampler
+from pinholify.rectification.splatting import Splatter, splatter
 from pinholify.rectification.views import STRAIGHT_ON, Angles, View, named_view
 
 METHODS = ("remap", "splat")
@@ -23,10 +24,10 @@ class Straightener:
     """Takes images of ``camera`` to the view called ``view_name``, turned and cut as ``named_view`` says.
 
     ``size`` (width, height) px of the result defaults to the image's. ``method`` is ``remap`` (backward, cubic) or
-    ``splat`` (the paper's). ``max_std`` px replaces the camera's domain as the limit of what is shown. ``turn``,
-    ``fov`` and ``keep`` are those of :func:`pinholify.rectification.views.named_view`. ``fixed_point`` maps, for
-    video, take less memory and hold 1/32 px. Raises InputError for a name that is not known and for a size that is too
-    large.
+    ``splat`` (the paper's, several times slower). ``max_std`` px replaces the camera's own limit of what is shown.
+    ``turn``, ``fov`` and ``keep`` are those of :func:`pinholify.rectification.views.named_view`. ``fixed_point`` maps,
+    for video, take less memory and hold 1/32 px. Raises InputError for a name that is not known and for a size that is
+    too large, CalibrationError for a view that shows nothing.
     """
 
     camera: VirtualCamera
@@ -39,7 +40,7 @@ class Straightener:
     keep: str = "all"
     fixed_point: bool = False
     view: View = field(init=False)
-    _sampler: Sampler | None = field(init=False, default=None)
+    _sampler: Sampler | Splatter | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -60,12 +61,15 @@ class Straightener:
                 f"{self.camera.image_size[0]}x{self.camera.image_size[1]}: give an image of that size, "
                 "or make the camera of this mode with 'pinholify mode'"
             )
-        if self.method == "splat":
-            return splat(image, self.camera, self.view, max_std=self.max_std)
         if self._sampler is None:
-            rectification = rectification_map(self.camera, self.view, max_std=self.max_std)
-            self._sampler = sampler(rectification, self.camera.image_size, fixed_point=self.fixed_point)
+            self._sampler = self._made_sampler()
         return self._sampler(image)
+
+    def _made_sampler(self) -> Sampler | Splatter:
+        if self.method == "splat":
+            return splatter(self.camera, self.view, max_std=self.max_std)
+        rectification = rectification_map(self.camera, self.view, max_std=self.max_std)
+        return sampler(rectification, self.camera.image_size, fixed_point=self.fixed_point)
 
 
 def _check_size(size: tuple[int, int]) -> None:

@@ -7,10 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from pinholify.arrays import Bools, Floats
+from pinholify.arrays import Floats
 from pinholify.geometry import homogeneous
-
-STEEPEST = np.deg2rad(65.0)  # from the axis or the horizon; a flat picture grows without bound towards 90°
 
 
 class Surface(Protocol):
@@ -33,8 +31,8 @@ class Surface(Protocol):
         """Coordinates (n, 2) of the directions ``xyz`` (n, 3); nan where the surface has none."""
         ...
 
-    def reaches(self, xyz: Floats) -> Bools:
-        """Which directions (n, 3) a picture of moderate size can show."""
+    def steepness(self, xyz: Floats) -> Floats:
+        """Angles (n,) in radians of directions ``xyz`` (n, 3), towards 90° of which pictures grow without bound."""
         ...
 
 
@@ -56,9 +54,9 @@ class Plane:
         """Nan at 90° from the axis and beyond."""
         return np.asarray(xyz[:, :2] / np.where(xyz[:, 2:] > 0, xyz[:, 2:], np.nan))
 
-    def reaches(self, xyz: Floats) -> Bools:
-        """Up to 65° from the axis."""
-        return np.asarray(xyz[:, 2] > np.cos(STEEPEST) * np.linalg.norm(xyz, axis=1))
+    def steepness(self, xyz: Floats) -> Floats:
+        """From the axis."""
+        return np.asarray(np.arctan2(np.hypot(xyz[:, 0], xyz[:, 1]), xyz[:, 2]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +80,9 @@ class Cylinder:
             height = xyz[:, 1] / np.hypot(xyz[:, 0], xyz[:, 2])
         return np.stack([np.arctan2(xyz[:, 0], xyz[:, 2]), height], axis=1)
 
-    def reaches(self, xyz: Floats) -> Bools:
-        """Up to 65° above and below the horizon."""
-        return np.asarray(np.abs(xyz[:, 1]) < np.sin(STEEPEST) * np.linalg.norm(xyz, axis=1))
+    def steepness(self, xyz: Floats) -> Floats:
+        """Above and below the horizon."""
+        return np.asarray(np.arctan2(np.abs(xyz[:, 1]), np.hypot(xyz[:, 0], xyz[:, 2])))
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +107,6 @@ class Sphere:
         below = np.arctan2(xyz[:, 1], np.hypot(xyz[:, 0], xyz[:, 2]))
         return np.stack([np.arctan2(xyz[:, 0], xyz[:, 2]), below], axis=1)
 
-    def reaches(self, xyz: Floats) -> Bools:
-        """All of them."""
-        return np.ones(len(xyz), dtype=bool)
+    def steepness(self, xyz: Floats) -> Floats:
+        """None: the picture is finite."""
+        return np.zeros(len(xyz))

@@ -1,4 +1,8 @@
-"""Where the original image may be believed: the standard deviation of every pixel, worked out once a camera."""
+"""Where the original image may be believed: the standard deviation of every pixel, worked out once a camera.
+
+One mask decides what is shown, what views are fitted to, and what exports state: :func:`source_mask`. The hull of a
+camera's domain, where boards were seen, says which corners count in measures, and is no limit where a std is known.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +16,15 @@ from pinholify.arrays import Bools, Floats, frozen
 from pinholify.camera import VirtualCamera
 from pinholify.expansion import expand
 
-SAMPLES = 96
+SAMPLES = 400  # along the longer side of the image: a grid on which the extent of what is believable is looked for
+DIRECTION_TOLERANCE = 1e-4  # in coordinates of the chart, radians or so
 LATTICE = 64  # places along the longer side of the image: a standard deviation changes slowly
 STD_TOLERANCE = 0.1  # relative, of all that higher orders might add: in truth some per mille
 SMALLEST_STD = 1e-12  # px; keeps the logarithm finite
 
 
 def source_mask(camera: VirtualCamera, max_std: float | None) -> Bools:
-    """Which pixels of the original image may be shown: (height, width).
+    """Which pixels of the original image may be believed, and so shown: (height, width).
 
     Those whose std is at most ``max_std`` px, by default the domain's limit; where that sets none, those of its hull.
     """
@@ -57,22 +62,36 @@ def _log_std_lattice(camera: VirtualCamera) -> NDArray[np.float32]:
     return frozen(log_std, (None, None), np.float32)
 
 
-def believable(camera: VirtualCamera, pixels: Floats, max_std: float | None) -> Bools:
-    """Where ``pixels`` (n, 2) of the image may be used: a std of at most ``max_std`` px, or inside the domain."""
-    column, row = np.rint(pixels).astype(np.int64).T
-    shown = np.asarray(source_mask(camera, max_std)[row, column])
-    return shown & camera.domain.hull.contains(pixels) if max_std is None else shown
-
-
-def shown(camera: VirtualCamera, uv: Floats, max_std: float | None) -> Bools:
-    """Which of ``uv`` (n, 2), anywhere or nan, are pixels of the image that may be shown."""
+def believable(camera: VirtualCamera, uv: Floats, max_std: float | None) -> Bools:
+    """Which of ``uv`` (n, 2), anywhere or nan, are pixels of the image that may be believed: of :func:`source_mask`."""
     with np.errstate(invalid="ignore"):
         inside = np.asarray(((uv >= -0.5) & (uv < np.array(camera.image_size) - 0.5)).all(axis=1))
     column, row = np.rint(np.where(inside[:, None], uv, 0.0)).astype(np.int64).T
     return np.asarray(inside & source_mask(camera, max_std)[row, column])
 
 
-def image_samples(image_size: tuple[int, int]) -> Floats:
-    """A grid of pixels over the whole image, its border included: (96², 2)."""
-    u, v = (np.linspace(0.0, n - 1.0, SAMPLES) for n in image_size)
-    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+def believable_share(camera: VirtualCamera, max_std: float | None = None) -> float:
+    """The share of the original image that may be believed."""
+    return float(source_mask(camera, max_std).mean())
+
+
+def believable_directions(camera: VirtualCamera, max_std: float | None) -> Floats:
+    """Directions (n, 3) in which pixels of a fine grid over the whole image look, as far as these are believable.
+
+    The corners of the domain's hull are among them.
+    """
+    size = np.array(camera.image_size)
+    count = np.maximum(np.rint(SAMPLES * size / size.max()), 2).astype(np.int64)
+    step = (size - 1.0) / (count - 1.0)
+    q = expand(
+        lambda index: camera.plane_map.value(index * step),
+        (int(count[0]), int(count[1])),
+        tolerance=DIRECTION_TOLERANCE,
+        dtype=np.float64,
+    )
+    grid = np.stack(np.meshgrid(*(np.arange(n) for n in count)), axis=-1).reshape(-1, 2) * step
+    corners = camera.domain.hull.vertices
+    pixels = np.concatenate([grid, corners])
+    q = np.concatenate([q.reshape(2, -1).T, camera.plane_map.value(corners)])
+    known = believable(camera, pixels, max_std) & np.isfinite(q).all(axis=1)
+    return camera.chart.directions(q[known])

@@ -14,9 +14,7 @@ from pinholify.expansion import expand
 from pinholify.geometry import homogeneous
 from pinholify.rectification.rectangle import largest_rectangle
 from pinholify.rectification.surfaces import Cylinder, Plane, Sphere, Surface
-from pinholify.rectification.trust import believable as believable
-from pinholify.rectification.trust import image_samples as image_samples
-from pinholify.rectification.trust import shown
+from pinholify.rectification.trust import believable, believable_directions
 
 Angles = tuple[float, float, float]
 """Yaw to the right, pitch upwards, roll clockwise: degrees, applied in this order."""
@@ -38,6 +36,9 @@ SURFACES: dict[str, Surface] = {
 VIEWS = (*SURFACES, *CUBE)
 KEPT = ("all", "valid")
 STRAIGHT_ON: Angles = (0.0, 0.0, 0.0)
+STEEPEST = np.deg2rad(65.0)  # how far from its axis, or from the horizon, a view shows all that is known
+STEEPEST_CORNER = np.deg2rad(70.0)  # how far it goes for the sake of corners, where that takes in all of them
+LOOKS_AWAY = "the view looks away from everything the camera sees; choose another view"
 PROBE = 400  # px along the longer side of the small picture in which what is valid is looked for
 
 
@@ -86,9 +87,10 @@ def named_view(
     ``-left``, ``-up`` and ``-down`` are the faces of a cube, 90° wide and square.
 
     ``turn`` turns it from there. ``fov`` is its horizontal field of view in degrees, around the middle of the picture;
-    without it the view is fitted to what may be believed: ``keep`` ``all`` of that, or only ``valid`` pixels, the
-    largest picture that has no black in it (OpenCV's alpha of 1 and 0). ``size`` (width, height) px defaults to the
-    image's. Raises InputError for what is no view, CalibrationError for one that shows nothing.
+    without it the view is fitted to what may be believed: ``keep`` ``all`` of that, as far as :func:`fitted_view` goes,
+    or only ``valid`` pixels, the largest picture that has no black in it (OpenCV's alpha of 1 and 0). ``size``
+    (width, height) px defaults to the image's. Raises InputError for what is no view, CalibrationError for one that
+    shows nothing; but a cube is whole only with all its faces, black ones too.
     """
     if name not in VIEWS:
         raise InputError(f"'{name}' is no view; the views are: {', '.join(VIEWS)}")
@@ -101,7 +103,10 @@ def named_view(
     surface = SURFACES[name]
     rotation = _turned(np.eye(3) if name == "board" else optical_rotation(camera), turn)
     if fov is not None:
-        return view_of_width(rotation, size or camera.image_size, fov, surface)
+        view = view_of_width(rotation, size or camera.image_size, fov, surface)
+        if shows_nothing(camera, view, max_std):
+            raise CalibrationError(LOOKS_AWAY)
+        return view
     view = fitted_view(camera, rotation, size, max_std, surface)
     return _without_black(camera, view, max_std) if keep == "valid" else view
 
@@ -166,31 +171,52 @@ def fitted_view(
     max_std: float | None,
     surface: Surface | None = None,
 ) -> View:
-    """The view along ``rotation`` that shows all that may be believed and ``surface`` reaches, as large as it fits.
+    """The view along ``rotation`` that shows all that may be believed within 65°, as large as it fits.
 
-    ``size`` (width, height) px defaults to the image's, ``surface`` is a plane. Raises CalibrationError where the view
-    shows nothing.
+    That is from the view's axis or, all around, from the horizon: a picture grows without bound towards 90°. Where the
+    calibration's corners end between 65° and 70°, it shows all that lies as far out as they do. ``size``
+    (width, height) px defaults to the image's, ``surface`` is a plane. Raises CalibrationError where the view shows
+    nothing.
     """
     surface = surface or Plane()
     width, height = size or camera.image_size
-    pixels = image_samples(camera.image_size)
-    pixels = pixels[believable(camera, pixels, max_std)]
-    if len(pixels) < 4:
-        raise CalibrationError(
-            "nowhere in the image is the standard deviation within the camera's domain; allow more with --max-std"
-            if max_std is None
-            else f"nowhere in the image is the standard deviation at most {max_std} px; allow more with --max-std"
-        )
-    seen = camera.chart.directions(camera.plane_map.value(pixels)) @ rotation.T
-    seen = seen[surface.reaches(seen)]
+    seen = _known_directions(camera, max_std) @ rotation.T
+    seen = seen[surface.steepness(seen) <= _reach(camera, rotation, surface)]
     if len(seen) < 4:
-        raise CalibrationError("the view looks away from everything the camera sees; choose another view")
+        raise CalibrationError(LOOKS_AWAY)
     flat = surface.coordinates(seen)
     low, high = flat.min(axis=0), flat.max(axis=0)
     focal = float(((np.array([width, height]) - 1) / (high - low)).min())
     centre = (np.array([width, height]) - 1) / 2.0 - focal * (low + high) / 2.0
     matrix = np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1]])
     return View(matrix, rotation, (width, height), surface)
+
+
+def _known_directions(camera: VirtualCamera, max_std: float | None) -> Floats:
+    directions = believable_directions(camera, max_std)
+    if len(directions) < 4:
+        raise CalibrationError(
+            "nowhere in the image is the standard deviation within the camera's domain; allow more with --max-std"
+            if max_std is None
+            else f"nowhere in the image is the standard deviation at most {max_std} px; allow more with --max-std"
+        )
+    return directions
+
+
+def _reach(camera: VirtualCamera, rotation: Floats, surface: Surface) -> float:
+    """How steep a direction may be to be fitted into a view, radians."""
+    corners = camera.chart.directions(camera.plane_map.value(camera.domain.hull.vertices)) @ rotation.T
+    steepest = float(surface.steepness(corners).max())
+    return steepest + 1e-9 if STEEPEST < steepest <= STEEPEST_CORNER else float(STEEPEST)
+
+
+def share_outside(camera: VirtualCamera, view: View, max_std: float | None) -> float:
+    """The share of what may be believed of the original image that ``view`` does not show."""
+    seen = view.project(_known_directions(camera, max_std))
+    # The view's border runs through its outermost pixels' outer edges.
+    with np.errstate(invalid="ignore"):
+        inside = ((seen >= -0.5) & (seen <= np.array(view.size) - 0.5)).all(axis=1)
+    return 1.0 - float(inside.mean())
 
 
 def _without_black(camera: VirtualCamera, view: View, max_std: float | None) -> View:
@@ -216,7 +242,7 @@ def _probed(camera: VirtualCamera, view: View, max_std: float | None) -> tuple[V
     """A small picture of ``view``, and what is valid in it (height, width)."""
     probe = _resized(view, PROBE / max(view.size))
     uv = expand(lambda pixels: camera.project(probe.directions(pixels)), probe.size, tolerance=0.05)
-    return probe, shown(camera, uv.reshape(2, -1).T, max_std).reshape(uv.shape[1:])
+    return probe, believable(camera, uv.reshape(2, -1).T, max_std).reshape(uv.shape[1:])
 
 
 def _resized(view: View, scale: float) -> View:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import re
 import resource
 
+import cv2
+import numpy as np
 import pytest
 
 from pinholify.cli import main
 from pinholify.io.camera_file import write_camera
 from pinholify.io.export import FORMATS, format_named
+from pinholify.io.images import read_image, write_image
 from tilted import tilted_calibration
 
 
@@ -71,6 +76,29 @@ def test_a_view_of_choice(run, tmp_path):
     assert "--view board --size 96x72 --max-std 0.5 -o" in text
 
 
+@pytest.mark.parametrize(
+    "options",
+    [("--keep", "valid"), ("--fov", "35", "--turn", "5,-2.5,90"), ("--turn", "-3"), ("--view", "cube-front")],
+)
+def test_k_is_that_of_the_pictures_made_with_the_command_it_states(run, camera, tmp_path, capsys, options):
+    assert run("--format", "opencv", *options, "-o", "a.yaml")[0] == 0
+    model = cv2.FileStorage("a.yaml", cv2.FILE_STORAGE_READ)
+    command = re.search(r"undistort CAMERA IMAGES (.*) -o FOLDER", (tmp_path / "a.yaml").read_text())[1]
+    write_image("photo.png", np.full((480, 640), 200, np.uint8))
+    assert main(["undistort", str(camera), "photo.png", *command.split(), "-o", "out", "--json"]) == 0
+    view = json.loads(capsys.readouterr().out)["view"]
+    np.testing.assert_allclose(view["k"], model.getNode("camera_matrix").mat(), rtol=1e-12)
+    np.testing.assert_allclose(view["rotation"], model.getNode("rotation").mat(), atol=1e-12)
+    assert read_image("out/photo.png").shape == tuple(view["size"][::-1])
+
+
+@pytest.mark.parametrize("options", [("--fov", "30"), ("--turn", "40")])
+def test_what_lies_outside_the_view_is_said(run, options):
+    share = r"note: \d+\.\d% of what may be believed of the original image lies outside the view\n"
+    assert re.search(share, run("--format", "ros", *options, "-o", "a.yaml")[2])
+    assert not re.search(share, run("--format", "ros", "-o", "b.yaml")[2])
+
+
 def test_a_file_that_is_there_is_kept_unless_forced(run, tmp_path):
     mine = tmp_path / "a-maps.yaml"
     mine.write_text("mine")
@@ -106,6 +134,9 @@ def test_unknown_formats_are_wrong_usage(run):
         (("--format", "ros", "-o", "a.txt"), "ends in '.txt' where this format ends in .yaml or .yml"),
         (("--format", "ros", "-o", "no/a.yaml"), "its folder does not exist"),
         (("--format", "mrcal-splined", "--size", "96x72", "-o", "a.cameramodel"), "leave the size out"),
+        (("--format", "mrcal-splined", "--keep", "valid", "-o", "a.cameramodel"), "all that they show"),
+        (("--format", "ros", "--fov", "40", "--turn", "180", "-o", "a.yaml"), "looks away from everything"),
+        (("--format", "ros", "--fov", "40", "--keep", "valid", "-o", "a.yaml"), "cannot both be asked for"),
         (("--format", "npy", "--size", "40000x10", "-o", "a.npy"), "choose a smaller size"),
         (("--format", "npy", "--max-std", "1e-9", "-o", "a.npy"), "allow more with --max-std"),
     ],

@@ -17,7 +17,7 @@ from pinholify.io.export import format_named
 from pinholify.rectification.maps import RectificationMap, rectification_map
 from pinholify.rectification.straightener import Straightener
 from pinholify.rectification.surfaces import Plane
-from pinholify.rectification.views import View, believable, image_samples
+from pinholify.rectification.views import STRAIGHT_ON, Angles, View, share_outside
 
 OUTSIDE = -1.0
 """px; where maps for other programs point when a pixel of the view shows nothing that may be believed."""
@@ -27,13 +27,17 @@ OUTSIDE = -1.0
 class PinholeExport:
     """An ideal pinhole view of a camera and the maps that make its images.
 
-    ``view_name`` and ``max_std`` are what ``pinholify undistort`` must be told to make the same images.
+    ``view_name``, ``turn``, ``fov``, ``keep`` and ``max_std`` are what ``pinholify undistort`` must be told to make the
+    same images.
     """
 
     camera: VirtualCamera
     view_name: str
     max_std: float | None
     rectification: RectificationMap
+    turn: Angles = STRAIGHT_ON
+    fov: float | None = None
+    keep: str = "all"
 
     @property
     def view(self) -> View:
@@ -55,33 +59,38 @@ class PinholeExport:
     @property
     def statement(self) -> tuple[str, ...]:
         """Which view this is and how its images are made: plain ASCII lines, without apostrophes, for a comment."""
-        width, height = self.view.size
-        limit = "" if self.max_std is None else f" --max-std {self.max_std!r}"
         return (
             f'The ideal pinhole view "{self.view_name}" of a camera calibrated by pinholify: no distortion.',
             "It is true of straightened images, not of those the camera takes; make them with: pinholify undistort "
-            f"CAMERA IMAGES --view {self.view_name} --size {width}x{height}{limit} -o FOLDER",
+            f"CAMERA IMAGES {self.options} -o FOLDER",
             f"Rotation to the view from the frame of the reference board, row by row: {numbers(self.view.rotation)}",
         )
 
+    @property
+    def options(self) -> str:
+        """The view as ``pinholify undistort`` is told of it."""
+        width, height = self.view.size
+        words = [f"--view {self.view_name} --size {width}x{height}"]
+        if self.turn != STRAIGHT_ON:
+            words.append("--turn " + ",".join(np.format_float_positional(angle, trim="-") for angle in self.turn))
+        if self.fov is not None:
+            words.append(f"--fov {self.fov!r}")
+        if self.keep != "all":
+            words.append(f"--keep {self.keep}")
+        if self.max_std is not None:
+            words.append(f"--max-std {self.max_std!r}")
+        return " ".join(words)
+
     def losses(self) -> list[str]:
         """Sentences about what the view leaves out; empty where it shows all that may be believed."""
-        empty, unseen = 1.0 - float(self.rectification.valid.mean()), self._unseen()
+        empty = 1.0 - float(self.rectification.valid.mean())
+        unseen = share_outside(self.camera, self.view, self.max_std)
         sentences = []
         if empty >= 0.0005:
             sentences.append(f"{empty:.1%} of the view shows nothing that may be believed and is black in its images")
         if unseen >= 0.0005:
             sentences.append(f"{unseen:.1%} of what may be believed of the original image lies outside the view")
         return sentences
-
-    def _unseen(self) -> float:
-        """Share of the believable part of the original image that the view does not show."""
-        pixels = image_samples(self.camera.image_size)
-        pixels = pixels[believable(self.camera, pixels, self.max_std)]
-        seen = self.view.project(self.camera.chart.directions(self.camera.plane_map.value(pixels)))
-        # The view's border runs through its outermost pixels' outer edges.
-        shown = ((seen >= -0.5) & (seen <= np.array(self.view.size) - 0.5)).all(axis=1)
-        return 1.0 - float(shown.mean())
 
 
 def pinhole_export(
@@ -90,17 +99,20 @@ def pinhole_export(
     *,
     size: tuple[int, int] | None = None,
     max_std: float | None = None,
+    turn: Angles = STRAIGHT_ON,
+    fov: float | None = None,
+    keep: str = "all",
 ) -> PinholeExport:
-    """The view of ``camera`` called ``view_name`` (``camera`` or ``board``), ready for any format.
+    """The flat view of ``camera`` called ``view_name``, ready for any format.
 
-    ``size`` (width, height) px defaults to the image's; ``max_std`` px replaces the camera's domain as the limit of
-    what is shown. Raises InputError for an unknown view or too large a size, CalibrationError for a view that shows
-    nothing.
+    Options are those of :class:`pinholify.rectification.straightener.Straightener`. Raises InputError for a view that
+    is unknown or not flat and too large a size, CalibrationError for a view that shows nothing.
     """
-    view = Straightener(camera, view_name, size, max_std=max_std).view
+    view = Straightener(camera, view_name, size, max_std=max_std, turn=turn, fov=fov, keep=keep).view
     if not isinstance(view.surface, Plane):
         raise InputError(f"the view '{view_name}' is no pinhole camera, which is what is exported; choose a flat view")
-    return PinholeExport(camera, view_name, max_std, rectification_map(camera, view, max_std=max_std))
+    rectification = rectification_map(camera, view, max_std=max_std)
+    return PinholeExport(camera, view_name, max_std, rectification, turn, fov, keep)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +148,9 @@ def export_view(
     *,
     size: tuple[int, int] | None = None,
     max_std: float | None = None,
+    turn: Angles = STRAIGHT_ON,
+    fov: float | None = None,
+    keep: str = "all",
 ) -> list[str]:
     """Write the view of ``camera`` called ``view_name`` to ``path`` in the format called ``format_name``.
 
@@ -145,9 +160,12 @@ def export_view(
     """
     form = format_named(format_name)
     form.check_path(Path(path))
-    if size is not None and not form.of_view:
-        raise InputError(f"'{format_name}' is of the camera's own images, whose size is given; leave the size out")
-    export = pinhole_export(camera, view_name, size=size, max_std=max_std)
+    if not form.of_view and not (size is None and fov is None and keep == "all"):
+        raise InputError(
+            f"'{format_name}' is of the camera's own images, all that they show; leave the size out, as well as the "
+            "field of view and what to keep"
+        )
+    export = pinhole_export(camera, view_name, size=size, max_std=max_std, turn=turn, fov=fov, keep=keep)
     found = form.write(export, Path(path)) or []
     return [*found, *(export.losses() if form.of_view else []), *([form.lost] if form.lost else [])]
 
