@@ -6,16 +6,21 @@ model. Surfaces are linear in their control points, so a fit is one sparse solve
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from pinholify.arrays import Floats, Ints, frozen
+from pinholify.arrays import Bools, Floats, Ints, frozen
+from pinholify.geometry import ConvexRegion
 from pinholify.gp.maps import Nearby, newton_inverse
 
 SMOOTHING = 1e-9  # of the mean weight of a control point: felt only where there are no data
+
+WORST_PLACES, CLOSER_LOOKS = 200, 3
+AROUND = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), axis=-1).reshape(-1, 2) / 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,24 +125,40 @@ def _bending(count: int) -> sparse.csr_array:
     return second.T @ second
 
 
+def worst_places(error: Callable[[Floats], Floats], grid: Floats, spacing: float) -> Floats:
+    """Places (n, 2) around those of a ``grid`` (m, 2) where ``error`` is largest, close enough to know how large.
+
+    ``error`` takes places (k, 2) to (k,), nan where none counts. A fit errs most between its data and at their border,
+    where no grid of a given ``spacing`` falls: these places stand 64 times closer.
+    """
+    places = grid
+    for _ in range(CLOSER_LOOKS):
+        worst = np.argsort(-np.nan_to_num(error(places), nan=-1.0))[:WORST_PLACES]
+        places = (places[worst][:, None] + spacing * AROUND).reshape(-1, 2)
+        spacing /= 4.0
+    return places
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SplineMap:
     """A :class:`pinholify.gp.maps.PlaneMap` taken from another program's camera: q by a ``surface`` over the image.
 
     ``std_px`` is the rms error per axis, in px, with which the surface repeats that camera. It is all that is known
-    of the map's uncertainty: how well the camera itself was calibrated is not.
+    of the map's uncertainty: how well the camera itself was calibrated is not. Pixels outside ``known`` are nan: that
+    camera sees nothing there, or nobody looked. Where it is None the surface goes on without end.
     """
 
     surface: SplineSurface
     std_px: float
+    known: ConvexRegion | None = None
 
     def value(self, uv: Floats) -> Floats:
         """q (n, 2)."""
-        return self.surface.value(uv)
+        return np.where(self._sees(uv)[:, None], self.surface.value(uv), np.nan)
 
     def jacobian(self, uv: Floats) -> Floats:
         """∂q/∂uv (n, 2, 2)."""
-        return self.surface.jacobian(uv)
+        return np.where(self._sees(uv)[:, None, None], self.surface.jacobian(uv), np.nan)
 
     def covariance(self, uv: Floats) -> Floats:
         """That of a shift of the pixel by ``std_px`` along each axis, (n, 2, 2)."""
@@ -153,9 +174,14 @@ class SplineMap:
         return
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
-        """uv (n, 2) of ``q``, by Newton's method."""
-        return newton_inverse(self, q, *nearby(q))
+        """uv (n, 2) of ``q``, by Newton's method, whose steps may lead outside what is known and back."""
+        uv = newton_inverse(self.surface, q, *nearby(q))
+        return np.where(self._sees(uv)[:, None], uv, np.nan)
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """Zero (draws, n, 2): the data were another program's formula, without noise."""
         return np.zeros((draws, *uv.shape))
+
+    def _sees(self, uv: Floats) -> Bools:
+        """Which pixels (n, 2) are known."""
+        return np.ones(len(uv), dtype=bool) if self.known is None else self.known.contains(uv)

@@ -34,8 +34,8 @@ Nearby = Callable[[Floats], tuple[Floats, float]]
 """q (n, 2) → px (n, 2) near those that are mapped there, and the longest step in px that helps from them on."""
 
 
-class PlaneMap(Protocol):
-    """A smooth map of the plane, uv (px) → q, that knows its own uncertainty."""
+class SmoothMap(Protocol):
+    """A smooth map of the plane."""
 
     def value(self, uv: Floats) -> Floats:
         """q at ``uv`` (n, 2): (n, 2)."""
@@ -44,6 +44,10 @@ class PlaneMap(Protocol):
     def jacobian(self, uv: Floats) -> Floats:
         """∂q/∂uv at ``uv`` (n, 2): (n, 2, 2)."""
         ...
+
+
+class PlaneMap(SmoothMap, Protocol):
+    """A smooth map of the plane, uv (px) → q, that knows its own uncertainty."""
 
     def covariance(self, uv: Floats) -> Floats:
         """Posterior covariance of q at ``uv`` (n, 2): (n, 2, 2)."""
@@ -69,8 +73,8 @@ class PlaneMap(Protocol):
         ...
 
 
-def newton_inverse(plane_map: PlaneMap, q: Floats, start: Floats, reach: float) -> Floats:
-    """uv (n, 2) that ``plane_map`` takes to ``q`` (n, 2), by Newton's method from ``start``; nan without convergence.
+def newton_inverse(smooth_map: SmoothMap, q: Floats, start: Floats, reach: float) -> Floats:
+    """uv (n, 2) that ``smooth_map`` takes to ``q`` (n, 2), by Newton's method from ``start``; nan without convergence.
 
     Steps are no longer than ``reach`` px, and a point that has gone 20 of them away is given up.
     """
@@ -79,8 +83,8 @@ def newton_inverse(plane_map: PlaneMap, q: Floats, start: Floats, reach: float) 
     done = np.zeros(len(q), dtype=bool)
     before = np.full(len(q), np.inf)
     for _ in range(INVERSE_STEPS):
-        error = q[active] - plane_map.value(uv[active])
-        step = solve_2x2(plane_map.jacobian(uv[active]), error)
+        error = q[active] - smooth_map.value(uv[active])
+        step = solve_2x2(smooth_map.jacobian(uv[active]), error)
         length = np.linalg.norm(step, axis=1)
         step *= np.minimum(1.0, reach / np.maximum(length, 1e-300))[:, None]
         uv[active] += step

@@ -33,8 +33,8 @@ class Comparison:
     rotation: Floats
 
     def rms(self, *, everywhere: bool = False) -> float:
-        """Root mean square length of the difference, px, where both are believed or ``everywhere``."""
-        chosen = self.difference[np.ones_like(self.covered) if everywhere else self.covered]
+        """Root mean square length of the difference, px, where both are believed or ``everywhere`` that both see."""
+        chosen = self.difference[np.isfinite(self.difference).all(axis=1) if everywhere else self.covered]
         return float(np.sqrt((chosen**2).sum(axis=1).mean())) if len(chosen) else float("nan")
 
     @property
@@ -87,9 +87,12 @@ def _own_std(camera: VirtualCamera, uv: Floats, covered: Bools) -> Floats:
 
 
 def _pixels_per_direction(camera: VirtualCamera, uv: Floats) -> Floats:
-    """∂uv/∂direction on the tangent plane, (n, 2, 3)."""
-    q = camera.plane_map.value(uv)
-    return np.asarray(np.linalg.pinv(camera.chart.direction_jacobian(q) @ camera.plane_map.jacobian(uv)))
+    """∂uv/∂direction on the tangent plane, (n, 2, 3); nan where the camera sees nothing."""
+    by_pixel = camera.chart.direction_jacobian(camera.plane_map.value(uv)) @ camera.plane_map.jacobian(uv)
+    known = np.isfinite(by_pixel).all(axis=(1, 2))
+    jacobian = np.full((len(uv), 2, 3), np.nan)
+    jacobian[known] = np.linalg.pinv(by_pixel[known])
+    return jacobian
 
 
 def _best_rotation(target: Floats, source: Floats, to_px: Floats) -> Floats:

@@ -263,7 +263,10 @@ def _of_all_boards(found: Solution, seen: Observations) -> Solution:
 
 def _solve_from(model: Model, lens: Lens, seen: Observations) -> Solution | None:
     misfit, rotations, translations = board_misfit(lens, seen)
-    good = misfit <= MISFIT_RATIO * np.median(misfit)
+    sees = np.isfinite(misfit)
+    if not sees.any():
+        return None
+    good = sees & (misfit <= MISFIT_RATIO * np.median(misfit[sees]))
     some = seen.select(good[seen.view])
     beta = fit_trend(model.trend, some.image, lens.directions(some.image))
     if beta is None:

@@ -21,7 +21,7 @@ from pinholify.errors import CalibrationError
 from pinholify.geometry import ConvexRegion, convex_hull
 from pinholify.gp.maps import newton_inverse
 from pinholify.io.importing.base import ForeignCamera
-from pinholify.splines import SplineMap, SplineSurface, fitted
+from pinholify.splines import SplineMap, SplineSurface, fitted, worst_places
 
 METHOD = "imported"
 TOLERANCE = 1e-3  # px between their camera and ours at which a finer spline is not tried
@@ -32,6 +32,10 @@ CELLS = (16, 32, 64, 128)
 """Cells of the spline along the longer side of the image, as many as are needed."""
 
 SAMPLES = 2  # a cell and axis, to fit and to test
+MARGIN = 0.06
+"""Of the image's longer side: how far beyond the image a lens is repeated that goes on there. What is made of a map in
+large smooth pieces needs some of it on the border's far side."""
+
 WIDEST = np.deg2rad(172.0)  # from the axis; straight behind, the direction away from the axis has no meaning
 NARROWEST = 1e-4  # radians
 AZIMUTHS, ANGLES = 120, 250
@@ -65,23 +69,18 @@ def adopt(theirs: ForeignCamera, *, board: Board | None = None, square_mm: float
     the image.
     """
     lens = _lens(theirs)
-    for cells in CELLS:
-        surface, hull = _fit(lens, theirs.image_size, cells)
-        hull, errors = _repeated(lens, surface, hull, theirs.image_size, cells)
-        if errors.max() < TOLERANCE:
-            break
-    covered = hull.area / float(np.prod(theirs.image_size))
-    rms, largest = float(np.sqrt((errors**2).mean())), float(errors.max())
-    camera = _camera(theirs, surface, hull, rms / np.sqrt(2.0), lens.sign)
+    found = _repetition(lens)
     details: dict[str, object] = {
         "program": theirs.program,
         "model": theirs.model,
         "board_known": board is not None,
-        "fit_rms_px": rms,
-        "fit_largest_px": largest,
+        "fit_rms_px": found.rms_px,
+        "fit_largest_px": found.largest_px,
     }
-    calibration = _calibration(theirs, camera, board, square_mm, details)
-    return Adopted(calibration, rms, largest, covered, surface.control.shape[1::-1])
+    plane_map = SplineMap(found.surface, found.rms_px / np.sqrt(2.0), found.known)
+    calibration = _calibration(theirs, _camera(theirs, plane_map, found.hull, lens.sign), board, square_mm, details)
+    covered = found.hull.area / float(np.prod(theirs.image_size))
+    return Adopted(calibration, found.rms_px, found.largest_px, covered, found.surface.control.shape[1::-1])
 
 
 def _calibration(
@@ -105,12 +104,9 @@ def _calibration(
     )
 
 
-def _camera(
-    theirs: ForeignCamera, surface: SplineSurface, hull: ConvexRegion, std_px: float, sign: float
-) -> VirtualCamera:
+def _camera(theirs: ForeignCamera, plane_map: SplineMap, hull: ConvexRegion, sign: float) -> VirtualCamera:
     focal = float(np.sqrt(np.abs(theirs.focal.prod())))
     intrinsics = Intrinsics(focal, float(theirs.centre[0]), float(theirs.centre[1]))
-    plane_map = SplineMap(surface, std_px)
     return VirtualCamera(
         plane_map, AngleChart(np.eye(3)), intrinsics, Domain(hull), theirs.image_size, np.nan, mirrored=sign < 0
     )
@@ -153,7 +149,7 @@ class Lens:
     def inverse(self, uv: Floats) -> Floats:
         """q (n, 2) of pixels ``uv`` (n, 2); nan where there is none on the one-to-one part."""
         start = self.angles[cKDTree(self.pixels).query(uv)[1]]
-        q = newton_inverse(self, uv, start, reach=0.05)  # type: ignore[arg-type]
+        q = newton_inverse(self, uv, start, reach=0.05)
         found: Bools = np.asarray(np.isfinite(q).all(axis=1))
         found[found] = self.unfolded(self.jacobian(q[found]))
         return np.where(found[:, None], q, np.nan)
@@ -198,30 +194,104 @@ def _blind(theirs: ForeignCamera) -> CalibrationError:
 # --- the spline --------------------------------------------------------------------------------------------------
 
 
-def _fit(lens: Lens, image_size: tuple[int, int], cells: int) -> tuple[SplineSurface, ConvexRegion]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """A rectangle of pixels between its outer edges ``low`` and ``high`` (2,) px."""
+
+    low: Floats
+    high: Floats
+
+    @property
+    def corners(self) -> Floats:
+        """Its four corners (4, 2)."""
+        return np.array([[u, v] for u in (self.low[0], self.high[0]) for v in (self.low[1], self.high[1])])
+
+    def pixels(self, count: int) -> Floats:
+        """A grid (n, 2) out to its edges, ``count`` pixels along the longer side."""
+        sides = map(np.linspace, self.low, self.high, self._counts(count, fewest=3))
+        return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+
+    def empty(self, cells: int) -> SplineSurface:
+        """A surface without content, ``cells`` along the longer side: a control point beyond each edge."""
+        counts = self._counts(cells, fewest=1)
+        spacing = (self.high - self.low) / counts
+        return SplineSurface(self.low - spacing, spacing, np.zeros((counts[1] + 3, counts[0] + 3, 2)))
+
+    def _counts(self, count: int, *, fewest: int) -> list[int]:
+        sides = self.high - self.low
+        return [max(fewest, round(count * float(side / sides.max()))) for side in sides]
+
+
+def _frame(image_size: tuple[int, int], margin: float) -> Frame:
+    """The image, wider by ``margin`` of its longer side all around."""
+    size = np.array(image_size, dtype=np.float64)
+    beyond = margin * size.max()
+    return Frame(np.full(2, -0.5 - beyond), size - 0.5 + beyond)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Repetition:
+    """A lens repeated by a ``surface``: ``known`` is where, ``hull`` its part of the image.
+
+    ``rms_px`` and ``largest_px`` are of the errors all over ``known``.
+    """
+
+    surface: SplineSurface
+    known: ConvexRegion
+    hull: ConvexRegion
+    rms_px: float
+    largest_px: float
+
+
+def _repetition(lens: Lens) -> Repetition:
+    """The spline of ``lens``: of the image, and beyond it where the lens goes on all around."""
+    image, wider = (_frame(lens.camera.image_size, margin) for margin in (0.0, MARGIN))
+    if np.isfinite(lens.inverse(wider.pixels(SAMPLES * CELLS[0] + 1))).all():
+        found = _fine_enough(lens, wider)
+        if found.known.contains(image.corners).all():
+            return replace(found, hull=convex_hull(image.corners))
+    return _fine_enough(lens, image)
+
+
+def _fine_enough(lens: Lens, frame: Frame) -> Repetition:
+    """The spline of few cells that repeats ``lens`` on ``frame``, or of as many as there may be."""
+    for cells in CELLS:
+        surface, known = _fit(lens, frame, cells)
+        known, rms, largest = _repeated(lens, surface, known, frame, cells)
+        if largest < TOLERANCE:
+            break
+    return Repetition(surface, known, known, rms, largest)
+
+
+def _fit(lens: Lens, frame: Frame, cells: int) -> tuple[SplineSurface, ConvexRegion]:
     """The spline of ``cells`` along the longer side, and where their lens says something."""
-    uv = _pixels(image_size, SAMPLES * cells + 1)
+    uv = frame.pixels(SAMPLES * cells + 1)
     q = lens.inverse(uv)
     known = np.isfinite(q).all(axis=1)
-    hull = _believed(lens, uv[known], uv[~known])
-    return fitted(_empty(image_size, cells), uv[known], q[known]), hull
+    region = _believed(lens, uv[known], uv[~known])
+    return fitted(frame.empty(cells), uv[known], q[known]), region
 
 
 def _repeated(
-    lens: Lens, surface: SplineSurface, hull: ConvexRegion, image_size: tuple[int, int], cells: int
-) -> tuple[ConvexRegion, Floats]:
-    """The part of ``hull`` where the spline repeats their lens, and the errors there, (n,) px.
+    lens: Lens, surface: SplineSurface, known: ConvexRegion, frame: Frame, cells: int
+) -> tuple[ConvexRegion, float, float]:
+    """The part of ``known`` where the spline repeats their lens, and of the errors there the rms and the largest, px.
 
     They are the distances between pixels and where their lens puts the spline's rays.
     """
-    uv = _pixels(image_size, 3 * cells)  # between the pixels of the fit, and on the border
-    uv = uv[hull.contains(uv)]
-    errors = np.linalg.norm(lens.value(surface.value(uv)) - uv, axis=1)
-    good = errors < WORST
-    if good.all():
-        return hull, errors
-    hull = _believed(lens, uv[good], uv[~good])
-    return hull, errors[hull.contains(uv)]
+
+    def errors_at(uv: Floats) -> Floats:
+        errors = np.linalg.norm(lens.value(surface.value(uv)) - uv, axis=1)
+        return np.where(known.contains(uv), errors, np.nan)
+
+    grid = frame.pixels(3 * cells)  # between the pixels of the fit, and on the border
+    spacing = float((frame.high - frame.low).max()) / (3 * cells - 1)
+    while True:
+        uv = np.concatenate([grid, worst_places(errors_at, grid, spacing)])
+        errors = errors_at(uv)
+        if not (errors >= WORST).any():
+            return known, float(np.sqrt(np.nanmean(errors[: len(grid)] ** 2))), float(np.nanmax(errors))
+        known = _believed(lens, uv[errors < WORST], uv[errors >= WORST])
 
 
 def _believed(lens: Lens, known: Floats, unknown: Floats) -> ConvexRegion:
@@ -230,19 +300,6 @@ def _believed(lens: Lens, known: Floats, unknown: Floats) -> ConvexRegion:
     if len(known) < 3 or (hull := _inscribed(known, unknown)).area < LEAST_COVERED * width * height:
         raise _blind(lens.camera)
     return hull
-
-
-def _pixels(image_size: tuple[int, int], count: int) -> Floats:
-    """A grid over the image to its outer edges, ``count`` pixels along the longer side."""
-    sides = [np.linspace(-0.5, n - 0.5, max(3, round(count * n / max(image_size)))) for n in image_size]
-    return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
-
-
-def _empty(image_size: tuple[int, int], cells: int) -> SplineSurface:
-    """A surface over the image without content: a control point beyond each edge."""
-    counts = [max(1, round(cells * n / max(image_size))) for n in image_size]
-    spacing = np.array(image_size) / counts
-    return SplineSurface(-0.5 - spacing, spacing, np.zeros((counts[1] + 3, counts[0] + 3, 2)))
 
 
 def _inscribed(known: Floats, unknown: Floats) -> ConvexRegion:
