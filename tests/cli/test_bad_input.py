@@ -121,6 +121,23 @@ def test_many_images_without_a_board_are_summed_up(run, photographs):
     assert len(result.err.splitlines()) == 2  # and what was written
 
 
+# --- cameras that cannot be judged ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("step", ["evaluation.summary.evaluate", "evaluation.verdict.judge"])
+def test_an_evaluation_without_a_solution_costs_no_camera(run, refused, table, monkeypatch, step):
+    def unsolvable(*_, **__):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr(f"pinholify.{step}", unsolvable)
+    sentence = refused("calibrate", "--corners", table, *FROM_TABLE)
+    assert sentence.startswith("wrote camera.npz, but not how good it is: ")
+    assert "'pinholify evaluate camera.npz'" in sentence
+    sentence = refused("evaluate", "camera.npz", "--corners", table, "--no-opencv")
+    assert "equations without a solution" in sentence
+    monkeypatch.undo()
+
+
 # --- boards that do not determine a camera -------------------------------------------------------------------
 
 

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pinholify.arrays import Floats
 from pinholify.corners import Corners
 from pinholify.errors import InputError
 from pinholify.refinement import (
@@ -14,7 +15,7 @@ from pinholify.refinement import (
     suspicious_boards,
 )
 
-from .conftest import BOARD, SIZE, Scene, make_scene
+from .conftest import BOARD, PROJECTS, SIZE, Scene, make_scene
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +76,27 @@ def test_the_next_board_brings_what_it_promises() -> None:
         scene.corners.with_views([*scene.corners.views, added]), reference="view00", trend=before.trend.split("+")[0]
     )
     assert mean_std(after) * before.noise_px / after.noise_px == pytest.approx(advice.std_after, rel=0.25)
+
+
+def orthographic(xyz: Floats) -> Floats:
+    """170° across, a circle with image beyond it, where there is no ray."""
+    rho = np.hypot(xyz[:, 0], xyz[:, 1]) + 1e-12
+    theta = np.arctan2(rho, xyz[:, 2])
+    radius = np.where(theta < np.deg2rad(85.0), 290.0 * np.sin(theta), np.nan)
+    return xyz[:, :2] * (radius / rho)[:, None] + [401.0, 297.0]
+
+
+@pytest.mark.parametrize("trend", ["angle-d:0", "angle-d:1"])
+def test_a_lens_that_ends_inside_the_image_has_a_next_board_too(monkeypatch: pytest.MonkeyPatch, trend: str) -> None:
+    monkeypatch.setitem(PROJECTS, "orthographic", orthographic)
+    scene = make_scene("orthographic")
+    result = refine(scene.corners, reference="view00", trend=trend)
+    ends = np.array([[0.0, 0.0], [799.0, 0.0], [799.0, 599.0], [0.0, 599.0]])
+    assert np.isnan(result.camera.plane_map.jacobian(ends)).any()
+    advice = next_board(result.camera, BOARD, result.poses)
+    assert advice is not None
+    assert np.isfinite(advice.outline).all()
+    assert 0.0 < advice.std_after < advice.std_before
 
 
 def test_two_calibrations_of_one_camera_agree_as_predicted() -> None:

@@ -86,7 +86,15 @@ def unused(view: Corners, reason: str, inside: Bools | None = None) -> MappedBoa
 
 
 def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: Floats) -> MappedBoard:
-    """The board of ``view`` in the virtual plane: ``xy`` (m, 2) and ∂xy/∂uv (m, 2, 2) at the corners ``inside``."""
+    """The board of ``view`` in the virtual plane: ``xy`` (m, 2) and ∂xy/∂uv (m, 2, 2) at the corners ``inside``.
+
+    Corners where the map is not one to one do not count.
+    """
+    with np.errstate(invalid="ignore"):
+        told = np.abs(np.linalg.det(jacobian)) > 0.0  # not where it is nan
+    inside = inside.copy()
+    inside[inside] = told
+    xy, jacobian = xy[told], jacobian[told]
     count, total = int(inside.sum()), len(view)
     if count < max(MINIMUM_CORNERS, MINIMUM_INSIDE * total):
         return unused(view, f"{count} of {total} corners lie where the camera may be believed", inside)

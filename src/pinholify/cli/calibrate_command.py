@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +26,7 @@ from pinholify.cli.sources import gather_corners, input_files, look_again_with_p
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
+    from pinholify.calibration.result import Calibration
 
 METHODS = ("auto", "joint", "one-image")
 FEWEST_BOARDS = 3  # the reference and two that stand otherwise
@@ -118,17 +121,18 @@ def command(
         if refine_corners:
             corner_set = look_again_with_progress(files, corner_set, calibration.camera)
             calibration = again(corner_set, reference=calibration.reference, square_mm=square_mm)
-        again = partial(again, method=calibration.method)
+    again = partial(again, method=calibration.method)
+    with keeping(calibration, output):
         evaluation = evaluate(
             calibration,
             corner_set,
             recalibrate=(lambda part, name: again(part, reference=name)) if heldout else None,
             compare_opencv=opencv,
         )
+        verdict = judge(evaluation, corner_set)
     write_camera(output, calibration)
     if calibration.details.get("start_fits") is False:
         say(f"'{start}' was left aside as a start, it does not explain the corners: is it this camera, in this mode?")
-    verdict = judge(evaluation, corner_set)
     if as_json:
         print_json(to_json(evaluation, verdict))
     else:
@@ -136,6 +140,24 @@ def command(
         click.echo(f"wrote {output}")
     if report is not None:
         write_to(report, gathered_report(evaluation, verdict, images, output), aloud=not as_json)
+
+
+@contextmanager
+def keeping(calibration: Calibration, output: Path) -> Iterator[None]:
+    """Where equations of an evaluation, inside the block, have no solution, writes the camera before it says so."""
+    import numpy as np
+
+    from pinholify.errors import CalibrationError
+    from pinholify.io.camera_file import write_camera
+
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        write_camera(output, calibration)
+        raise CalibrationError(
+            f"wrote {output}, but not how good it is: its evaluation leads to equations without a solution ({error}); "
+            f"try it on other photographs with 'pinholify evaluate {output}'"
+        ) from None
 
 
 def chosen_method(method: str, kernel: str, trend: str) -> str:

@@ -61,7 +61,7 @@ def command(
             compare_opencv=opencv,
             kfold=folds,
         )
-    verdict = judge(evaluation, corners)
+        verdict = judge(evaluation, corners)
     if as_json:
         print_json(to_json(evaluation, verdict))
     else:

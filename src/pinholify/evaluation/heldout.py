@@ -89,12 +89,18 @@ def heldout_rms(residuals: PoseResiduals, splits: Sequence[BoardPoints]) -> floa
 
 
 def camera_residuals(calibration: Calibration) -> PoseResiduals:
-    """Residuals through the camera's own Jacobian, after refitting the pose of the board (as bent as it was found)."""
+    """Residuals through the camera's own Jacobian, after refitting the pose of the board (as bent as it was found).
+
+    None where its map is not one to one at a corner, as beyond the last ray of the lens.
+    """
     camera = calibration.camera
 
     def residuals(board: BoardPoints) -> Floats | None:
-        sighting = sighting_of(camera, calibration.solid(board.lattice), board.uv)
-        pose, _ = estimate_pose(camera, sighting)
+        try:
+            sighting = sighting_of(camera, calibration.solid(board.lattice), board.uv)
+            pose, _ = estimate_pose(camera, sighting)
+        except np.linalg.LinAlgError:
+            return None
         return pose_residuals(sighting, pose, camera.chart)[0].reshape(-1, 2)
 
     return residuals

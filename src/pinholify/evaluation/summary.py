@@ -224,9 +224,11 @@ def _heldout(
             trained = recalibrate(corner_set.with_views(split.train), split.train[0].name)
         except PinholifyError as error:
             return None, f"half of the boards do not determine a camera: {error}"
+        except np.linalg.LinAlgError:
+            return None, "half of the boards do not determine a camera: they lead to equations without a solution"
         value, points = heldout_rms(camera_residuals(trained), split.test), sum(len(b.uv) for b in split.test)
         if value is None:
-            return None, "a held-out board could not be located"
+            return None, "a held-out board could not be located by the camera that the others make"
         squares, count = squares + value**2 * points, count + points
     return float(np.sqrt(squares / count)), ""
 

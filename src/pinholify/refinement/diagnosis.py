@@ -154,18 +154,19 @@ def next_board(
     Tries boards at the distances of the ``known`` ones, aimed at ``targets`` × ``targets`` pixels, with the tilts that
     people manage, and for each works out the posterior that its corners would leave (Bayesian experimental design;
     no measurement is needed for that). None where the camera is no joint one, or no board fits into the image.
+    Where its map has no ray, beyond the last one of the lens, nothing is asked and no corner placed.
     """
     plane_map = camera.plane_map
     if not isinstance(plane_map, JointMap):
         return None
     grid = _px_features(plane_map, _image_grid(camera.image_size, GRID))
-    spread = grid.reshape(-1, len(plane_map.root)) @ plane_map.root
+    spread = grid[np.isfinite(grid).all(axis=(1, 2))].reshape(-1, len(plane_map.root)) @ plane_map.root
     variance = float((spread**2).sum())
     best, most = None, -1.0
     placements = list(_placements(camera, board, known, targets, np.random.default_rng(seed)))
     for pose, uv in _within_image(camera, board, placements):
         gain = _explained(camera, plane_map, board, pose, uv, spread)
-        if gain > most:
+        if gain is not None and gain > most:
             best, most = pose, gain
     if best is None:
         return None
@@ -213,15 +214,17 @@ def _within_image(camera: VirtualCamera, board: Board, poses: Sequence[Pose]) ->
 
 def _explained(
     camera: VirtualCamera, plane_map: JointMap, board: Board, pose: Pose, uv: Floats, spread: Floats
-) -> float:
+) -> float | None:
     """How much a board at ``pose``, its corners seen at ``uv``, takes off the sum of squares of ``spread`` (m, r): what
-    a root of the covariance moves.
+    a root of the covariance moves. None where the map has no ray at one of the corners.
     """
     every = max(1, len(uv) // ENOUGH_CORNERS)
     xyz, uv = pose.apply(lattice(board))[::every], uv[::every]
     by_point = inverse_2x2(plane_map.jacobian(uv)) @ camera.chart.coordinate_jacobian(xyz)
     own = np.concatenate([-by_point @ cross_matrices(xyz - pose.translation), by_point], axis=2).reshape(-1, 6)
     rows = _px_features(plane_map, uv).reshape(len(own), -1) @ plane_map.root
+    if not (np.isfinite(own).all() and np.isfinite(rows).all()):
+        return None
     rows -= own @ np.linalg.lstsq(own, rows, rcond=None)[0]  # the new board's own pose is free
     rows *= np.sqrt(every) / (camera.noise_px * plane_map.disagreement)  # a board like those that there are
     # Woodbury: (1 + BᵀB)⁻¹ = 1 − Bᵀ(1 + BBᵀ)⁻¹B with B the rows.
