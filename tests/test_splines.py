@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from pinholify.splines import SplineMap, SplineSurface, fitted
+from pinholify.splines import SplineMap, SplineSurface, fitted, rounded_up, worst_places
 
 ORIGIN, SPACING = np.array([1.0, -2.0]), np.array([0.5, 0.7])
 
@@ -90,3 +90,24 @@ def test_a_map_is_inverted_and_knows_its_std(seed, std):
     expected = np.broadcast_to(std**2 * np.eye(2), (40, 2, 2))
     np.testing.assert_allclose(back @ ours.covariance(p) @ back.transpose(0, 2, 1), expected, atol=1e-12 * std**2)
     assert ours.noise_response(p, 3, rng).shape == (3, 40, 2)
+
+
+def test_the_worst_place_is_found_between_those_of_a_grid():
+    def error(p):
+        inside = np.linalg.norm(p - 5.0, axis=1) < 3.83
+        bumps = np.exp(-(((p - [3.37, 4.61]) / 0.4) ** 2).sum(axis=1))
+        return np.where(inside, bumps + np.maximum(p[:, 0] - 8.0, 0.0), np.nan)
+
+    grid = np.stack(np.meshgrid(np.arange(11.0), np.arange(11.0)), axis=-1).reshape(-1, 2)
+    found = error(worst_places(error, grid, 1.0))
+    assert np.nanmax(error(grid)) < 0.4
+    assert 0.999 < np.nanmax(found) <= 1.0
+    # Where the error rises to the border of what counts, it is followed to there.
+    steep = np.nanmax(error(worst_places(lambda p: np.where(p[:, 0] > 7.0, error(p), np.nan), grid, 1.0)))
+    assert 0.82 < steep <= 0.83
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.0441, "0.045"), (0.044, "0.044"), (1.01e-5, "1.1e-05"), (0.99999, "1"),
+                                             (9.91, "10"), (2e-3, "0.002")])  # fmt: skip
+def test_a_bound_is_never_rounded_down(value, text):
+    assert rounded_up(value) == text

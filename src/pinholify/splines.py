@@ -139,6 +139,12 @@ def worst_places(error: Callable[[Floats], Floats], grid: Floats, spacing: float
     return places
 
 
+def rounded_up(value: float) -> str:
+    """A positive ``value`` as text of two digits that does not say less, so that it stays a bound."""
+    step = 10.0 ** (np.floor(np.log10(value)) - 1.0)
+    return f"{np.ceil(value / step * (1.0 - 1e-12)) * step:.2g}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SplineMap:
     """A :class:`pinholify.gp.maps.PlaneMap` taken from another program's camera: q by a ``surface`` over the image.

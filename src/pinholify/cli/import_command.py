@@ -57,6 +57,7 @@ def command(
     from pinholify.io.camera_file import is_camera_file, write_camera
     from pinholify.io.importing import read_foreign
     from pinholify.io.importing.adoption import adopt
+    from pinholify.splines import rounded_up
 
     check_output(output, force=force, is_ours=is_camera_file, inputs=(file,))
     theirs = read_foreign(file, program=program, camera=camera, image_size=image_size, fisheye=fisheye)
@@ -82,7 +83,7 @@ def command(
         return
     width, height = theirs.image_size
     click.echo(f"{theirs.program} {theirs.model}, {width}x{height}: f {intrinsics.f:.2f} px")
-    click.echo(f"repeated to {adopted.rms_px:.1g} px rms, {adopted.largest_px:.1g} px at most")
+    click.echo(f"repeated to {adopted.rms_px:.2g} px rms, {rounded_up(adopted.largest_px)} px at most")
     if adopted.covered < FULL:
         left_out = 1.0 - adopted.covered
         say(f"note: {left_out:.1%} of the image is left out: there the lens model folds, ends or bends too sharply")

@@ -19,12 +19,14 @@ from mrcal_oracle import mrcal
 from pinholify.camera import Domain
 from pinholify.errors import CalibrationError, InputError, OutputError
 from pinholify.geometry import ConvexRegion
-from pinholify.io.export import FORMATS, format_named
+from pinholify.io.export import FORMATS, format_named, mrcal_splined
 from pinholify.io.export.base import PinholeExport, export_view, pinhole_export
-from pinholify.io.export.mrcal_splined import splined_model
+from pinholify.io.export.mrcal_splined import COLUMNS, splined_model
 from pinholify.io.importing.adoption import adopt
 from pinholify.io.importing.base import ForeignCamera
+from pinholify.io.importing.projections import splined_stereographic
 from pinholify.rectification.straightener import Straightener
+from pinholify.rectification.trust import believable
 from pinholify.simulation.lenses import LENSES
 from tilted import IMAGE_SIZE, tilted_calibration
 
@@ -186,6 +188,21 @@ def test_mrcal_splined_over_the_whole_image(name, tmp_path):
     uv = np.random.default_rng(3).uniform(0, np.array(lens.size) - 1, (500, 2))
     _, rays = mrcal(tmp_path / "a.cameramodel", [[0.0, 0.0, 1.0]], uv)
     assert np.abs(lens.project(rays) - uv).max() < SPLINE_TOLERANCE
+
+
+@pytest.mark.parametrize("columns", [COLUMNS[0], COLUMNS[2]])
+def test_the_largest_error_that_a_spline_tells_holds_at_every_pixel(export, columns, monkeypatch):
+    """On a grid finer than its own, out to the border of what may be believed: a hull, and a limit of std."""
+    monkeypatch.setattr(mrcal_splined, "COLUMNS", (columns,))
+    camera, size = export.camera, np.array(IMAGE_SIZE)
+    uv = np.stack(np.meshgrid(*(np.linspace(-0.5, n - 0.51, 2 * n // 3) for n in size)), axis=-1).reshape(-1, 2)
+    for chosen in (export, replace(export, camera=replace(camera, domain=replace(camera.domain, max_std=1.0)))):
+        model = splined_model(chosen)
+        seen = uv[believable(chosen.camera, uv, chosen.max_std)]
+        directions = camera.to_rays(seen).directions @ export.view.rotation.T
+        errors = np.linalg.norm(splined_stereographic(model.core, model.surface)(directions) - seen, axis=1)
+        assert errors.max() <= 1.0001 * model.largest_px + 1e-7  # px, where the map itself is rounded
+        assert errors.max() > 0.5 * model.largest_px
 
 
 def test_mrcal_splined_says_what_it_is(written, export):

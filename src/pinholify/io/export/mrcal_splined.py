@@ -14,15 +14,16 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pinholify.arrays import Floats
+from pinholify.arrays import Bools, Floats
 from pinholify.errors import CalibrationError
 from pinholify.geometry import convex_hull, homogeneous
 from pinholify.io.export.base import Format, PinholeExport, commented, numbers
 from pinholify.io.files import writing_text
+from pinholify.io.importing.base import Projection
 from pinholify.io.importing.mrcal import knots
 from pinholify.io.importing.projections import splined_stereographic, stereographic_plane
 from pinholify.rectification.trust import believable
-from pinholify.splines import SplineSurface, fitted
+from pinholify.splines import SplineSurface, fitted, rounded_up, worst_places
 
 ORDER = 3
 COLUMNS = (16, 24, 36, 54, 80)
@@ -30,6 +31,7 @@ COLUMNS = (16, 24, 36, 54, 80)
 
 TOLERANCE = 0.01  # px at most between the camera and the spline, at which a finer one is not tried
 SAMPLES = 3  # pixels a control point and axis
+BORDER = 500  # pixels along the border
 WIDEST = np.cos(np.deg2rad(172.0))  # straight behind, the stereographic plane ends
 
 
@@ -59,8 +61,8 @@ class SplinedModel:
     def sentences(self) -> list[str]:
         """What a user should know of the fit, and what it leaves out."""
         rows, columns, _ = self.surface.control.shape
-        fit = f"{columns}x{rows} control points repeat the camera to {self.rms_px:.2g} px rms, {self.largest_px:.2g} px"
-        sentences = [f"{fit} at most, where it may be believed"]
+        fit = f"{columns}x{rows} control points repeat the camera to {self.rms_px:.2g} px rms"
+        sentences = [f"{fit}, {rounded_up(self.largest_px)} px at most, where it may be believed"]
         if self.left_out >= 0.0005:
             sentences.append(
                 f"{self.left_out:.1%} of the image may not be believed: the model goes on smoothly there, outside its "
@@ -79,28 +81,55 @@ def splined_model(export: PinholeExport) -> SplinedModel:
 
 
 def _fit(export: PinholeExport, columns: int) -> SplinedModel:
-    uv, directions, share = _rays(export, SAMPLES * columns)
-    u = stereographic_plane(directions)
+    grid = _grid(export, SAMPLES * columns)
+    places = np.concatenate([grid, _border(export)])
+    directions = _directions(export, places)
+    seen: Bools = np.asarray(np.isfinite(directions).all(axis=1))
+    share = float(seen[: len(grid)].mean())
+    if share * len(grid) < ORDER**2:
+        raise CalibrationError("too little of the image may be believed to fit a spline to; allow more with --max-std")
+    uv, u = places[seen], stereographic_plane(directions[seen])
     core = _core(u, uv)
     empty, fov_x = _empty(np.abs(u).max(axis=0), columns)
     surface = fitted(empty, u, (uv - core[2:]) / core[:2] - u)
-    uv, directions, _ = _rays(export, SAMPLES * columns + 1)  # between the first ones
-    errors = np.linalg.norm(splined_stereographic(core, surface)(directions) - uv, axis=1)
-    rms, region = float(np.sqrt((errors**2).mean())), convex_hull(uv).vertices
-    return SplinedModel(core, surface, fov_x, rms, float(errors.max()), region, 1.0 - share)
+    rms, largest = _errors(export, splined_stereographic(core, surface), columns)
+    return SplinedModel(core, surface, fov_x, rms, largest, convex_hull(uv).vertices, 1.0 - share)
 
 
-def _rays(export: PinholeExport, count: int) -> tuple[Floats, Floats, float]:
-    """Believable pixels of a grid of ``count`` along the longer side, their directions in the view, and their share."""
-    camera, size = export.camera, export.camera.image_size
+def _errors(export: PinholeExport, project: Projection, columns: int) -> tuple[float, float]:
+    """Distances of ``project`` to the camera, px, where that may be believed: rms, and the largest of all pixels'."""
+
+    def errors_at(uv: Floats) -> Floats:
+        return np.asarray(np.linalg.norm(project(_directions(export, uv)) - uv, axis=1))
+
+    count = SAMPLES * columns + 1  # between the places of the fit
+    grid = _grid(export, count)
+    errors = errors_at(grid)
+    worst = errors_at(worst_places(errors_at, grid, max(export.camera.image_size) / count))
+    return float(np.sqrt(np.nanmean(errors**2))), float(max(np.nanmax(errors), np.nanmax(worst)))
+
+
+def _grid(export: PinholeExport, count: int) -> Floats:
+    """Pixels all over the image (n, 2), ``count`` along the longer side."""
+    size = export.camera.image_size
     sides = [np.linspace(0.0, n - 1.0, max(8, round(count * n / max(size)))) for n in size]
-    grid = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
-    uv = grid[believable(camera, grid, export.max_std)]
-    directions = camera.chart.directions(camera.plane_map.value(uv)) @ export.view.rotation.T
-    seen = directions[:, 2] > WIDEST
-    if seen.sum() < ORDER**2:
-        raise CalibrationError("too little of the image may be believed to fit a spline to; allow more with --max-std")
-    return uv[seen], directions[seen], float(seen.sum() / len(grid))
+    return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+
+
+def _border(export: PinholeExport) -> Floats:
+    """Pixels (n, 2) along the border of the domain's hull: a spline without data there flies off beyond the grid's."""
+    hull = export.camera.domain.hull.vertices
+    along = np.linspace(0.0, 1.0, 1 + BORDER // len(hull), endpoint=False)[:, None, None]
+    return np.asarray((hull + along * (np.roll(hull, -1, axis=0) - hull)).reshape(-1, 2))
+
+
+def _directions(export: PinholeExport, uv: Floats) -> Floats:
+    """Directions (n, 3) of pixels in the view; nan where they may not be believed, and straight behind."""
+    camera, directions = export.camera, np.full((len(uv), 3), np.nan)
+    known = believable(camera, uv, export.max_std)
+    directions[known] = camera.chart.directions(camera.plane_map.value(uv[known])) @ export.view.rotation.T
+    directions[~(directions[:, 2] > WIDEST)] = np.nan
+    return directions
 
 
 def _core(u: Floats, uv: Floats) -> Floats:
