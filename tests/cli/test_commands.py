@@ -71,8 +71,14 @@ def test_detect_json(run, photographs):
     assert data["board"] == "9x6"
     assert data["image_size"] == [640, 480]
     first, second = data["images"]
-    assert first == {"file": "small-00.png", "found": True, "corners": 54, "reason": "", "orientation": "known",
-                     "ambiguous_offset": False}
+    assert first == {
+        "file": "small-00.png",
+        "found": True,
+        "corners": 54,
+        "reason": "",
+        "orientation": "known",
+        "ambiguous_offset": False,
+    }
     assert second["found"] is False
     assert second["corners"] == 0
     assert second["reason"]
@@ -307,15 +313,49 @@ def test_undistort_keeps_colour_depth_and_ending(run, camera, photographs, metho
     write_image("deep.png", grey.astype(np.uint16) * 200)
     words = ["--size", "320x200", "--method", method, "--json"]
     result = run("undistort", camera, "colour.jpg", "deep.png", "-o", "out", *words)
-    assert json.loads(result.out) == {
+    said = json.loads(result.out)
+    view = said.pop("view")
+    assert said == {
         "format_version": 1,
         "written": [str(Path("out/colour.jpg")), str(Path("out/deep.png"))],
         "failed": {},
     }
+    assert (view["name"], view["surface"], view["size"]) == ("camera", "plane", [320, 200])
+    assert np.linalg.det(view["rotation"]) == pytest.approx(1.0)
     assert read_image("out/colour.jpg").shape == (200, 320, 3)
     deep = read_image("out/deep.png")
     assert (deep.shape, deep.dtype) == ((200, 320), np.uint16)
     assert deep.max() > 20_000
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_undistort_keeps_alpha_and_is_clear_where_others_are_black(run, camera, photographs, dtype):
+    grey = read_image(photographs / "small-01.png").astype(dtype)
+    full = np.iinfo(dtype).max
+    write_image("clear.png", np.dstack([grey, grey, grey, np.full_like(grey, full)]))
+    write_image("opaque.png", np.full((*grey.shape, 3), full, dtype))
+    assert run("undistort", camera, "clear.png", "opaque.png", "-o", "out", "--size", "320x200").status == 0
+    clear = cv2.imread("out/clear.png", cv2.IMREAD_UNCHANGED)
+    assert (clear.shape, clear.dtype) == ((200, 320, 4), dtype)
+    np.testing.assert_array_equal(clear[:, :, 3], read_image("out/opaque.png")[:, :, 0])
+    assert {0, full} == set(np.unique(clear[:, :, 3]))
+
+
+@pytest.mark.parametrize("name", ["out.jpg", "out.PNG", "out.mp4", "file:///tmp/no/such/out.jpg"])
+def test_undistort_makes_no_folder_that_is_called_like_a_file(run, camera, photographs, name):
+    result = run("undistort", camera, photographs / "small-01.png", "-o", name)
+    assert result.status == 1
+    assert result.err == (
+        f"pinholify: '{name}' is called like a file and pictures go into a folder, under their own names; "
+        "give a folder\n"
+    )
+    assert not Path(name).exists()
+
+
+def test_undistort_writes_into_a_folder_that_is_called_like_a_file(run, camera, photographs):
+    Path("out.jpg").mkdir()
+    assert run("undistort", camera, photographs / "small-01.png", "-o", "out.jpg", "--size", "320x200").status == 0
+    assert Path("out.jpg/small-01.png").exists()
 
 
 def test_undistort_reports_failures_and_does_the_rest(run, camera, photographs):

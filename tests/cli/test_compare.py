@@ -3,6 +3,7 @@
 import json
 
 import cv2
+import numpy as np
 import pytest
 
 from pinholify.cli import main
@@ -31,6 +32,11 @@ def test_a_changed_camera_is_seen_and_drawn(cameras, capsys, tmp_path):
     picture = tmp_path / "difference.png"
     assert main(["compare", str(cameras / "a.npz"), str(cameras / "other.npz"), "-o", str(picture)]) == 0
     assert "the cameras differ" in capsys.readouterr().out
-    assert cv2.imread(str(picture)).shape[1] == 1280
+    drawn = cv2.imread(str(picture))
+    assert drawn.shape[1] == 1280
+    scale = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[None], cv2.COLORMAP_VIRIDIS)[0].astype(int)
+    shown = drawn[-56, 230:1010].astype(int)
+    np.testing.assert_array_equal(shown[[0, -1]], scale[[0, -1]])
+    assert (np.abs(shown[:, None] - scale).sum(axis=2).min(axis=1) == 0).all()
     assert main(["compare", str(cameras / "a.npz"), str(cameras / "other.npz"), "--strict"]) == 1
     assert "differ by" in capsys.readouterr().err

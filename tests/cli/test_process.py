@@ -121,7 +121,7 @@ def test_interrupt_leaves_nothing(photographs):
 
 
 def test_memory_that_does_not_suffice(refused, camera, photographs, monkeypatch):
-    def too_much(*_):
+    def too_much(*_, **__):
         raise MemoryError
 
     monkeypatch.setattr("pinholify.batch.straightening.decode_image", too_much)

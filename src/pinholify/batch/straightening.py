@@ -41,7 +41,7 @@ class Straightening:
         stamp = self.stamp(job.source, len(data))
         if not self.again and stamp == _standing_stamp(job.target):
             return
-        image = decode_image(data, job.source)
+        image = decode_image(data, job.source, keep_alpha=True)
         try:
             straight = _prepared(self)(image)
         except ImageError as error:

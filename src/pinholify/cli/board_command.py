@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pinholify.cli import options
-from pinholify.cli.options import check_output, examples, force_option
+from pinholify.cli.options import check_output, examples, overwrite_option
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
@@ -24,12 +24,23 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     ),
 )
 @click.argument("board", type=options.board)
-@click.option("--square", "square_mm", type=options.length, required=True,
-              help="Side of a square or tag, or spacing of circles, e.g. 25mm.")
+@click.option(
+    "--square",
+    "square_mm",
+    type=options.length,
+    required=True,
+    help="Side of a square or tag, or spacing of circles, e.g. 25mm.",
+)
 @click.option("--page", default="A4", show_default=True, help="A0 to A5, Letter, Legal, Tabloid, or WxHmm.")
-@click.option("-o", "output", type=click.Path(path_type=Path), default="board.pdf", show_default=True,
-              help="File to write; .pdf, .svg or .png.")
-@force_option
+@click.option(
+    "-o",
+    "output",
+    type=click.Path(path_type=Path),
+    default="board.pdf",
+    show_default=True,
+    help="File to write; .pdf, .svg or .png.",
+)
+@overwrite_option
 def command(board: Board, square_mm: float, page: str, output: Path, force: bool) -> None:
     """Print BOARD true to scale as PDF, SVG or PNG.
 

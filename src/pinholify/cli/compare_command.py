@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from pinholify.cli.options import check_output, examples, force_option, json_option, print_json
+from pinholify.cli.options import check_output, examples, json_option, overwrite_option, print_json
 
 CHANGED = 2.0  # times the difference that the cameras' own uncertainty explains
 
@@ -17,7 +17,7 @@ CHANGED = 2.0  # times the difference that the cameras' own uncertainty explains
 @click.option("-o", "picture", type=click.Path(path_type=Path), help="Also draw the difference over the image (PNG).")
 @click.option("--strict", is_flag=True, help="Exit with 1 when the cameras differ by more than their uncertainty.")
 @json_option
-@force_option
+@overwrite_option
 def command(first: Path, second: Path, picture: Path | None, strict: bool, as_json: bool, force: bool) -> None:
     """How far two cameras' rays are apart over the image, in px, after the best rotation.
 
@@ -51,8 +51,8 @@ def command(first: Path, second: Path, picture: Path | None, strict: bool, as_js
         )
     else:
         click.echo(
-            f"difference {result.rms():.4f} px rms where both are believed ({result.rms(everywhere=True):.4f} px over "
-            f"the whole image); their own uncertainty explains {result.expected_rms:.4f} px"
+            f"difference {result.rms():.4f} px rms inside both cameras' domains ({result.rms(everywhere=True):.4f} px "
+            f"over the whole image); their own uncertainty explains {result.expected_rms:.4f} px"
         )
         click.echo("the cameras agree" if same else f"the cameras differ: {ratio:.1f} times what chance explains")
     if strict and not same:

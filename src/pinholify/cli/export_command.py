@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from pinholify.cli.options import check_output, examples, force_option, say
+from pinholify.cli.options import check_output, examples, overwrite_option, say
 from pinholify.cli.view_options import ViewChoice, flat_view_options
 from pinholify.io.export import FORMATS
 
@@ -28,7 +28,7 @@ FORMAT_LIST = "\b\nFormats:\n" + "\n".join(f"  {name:14} {title}" for name, titl
 )
 @flat_view_options
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="File to write.")
-@force_option
+@overwrite_option
 def command(
     camera: Path,
     format_name: str,

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 import click
 
 from pinholify.cli import options
-from pinholify.cli.options import check_output, examples, force_option, json_option, print_json, progress, say
+from pinholify.cli.options import (
+    check_output,
+    examples,
+    force_option,
+    json_option,
+    overwrite_option,
+    print_json,
+    progress,
+    say,
+)
 from pinholify.errors import ImageError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -40,14 +49,18 @@ def command() -> None:
 )
 @click.option("--screen", type=options.size, required=True, metavar="WxH", help="Size of the screen in px.")
 @click.option("--pixel", "pixel_mm", type=options.length, help="Distance of two screen pixels, e.g. 0.2745mm.")
-@click.option("--waves", "steps", type=int, default=8, show_default=True,
-              help="Steps of the waves that tell fractions of a screen pixel; 0 for Gray codes alone.")
+@click.option(
+    "--waves",
+    "steps",
+    type=int,
+    default=8,
+    show_default=True,
+    help="Steps of the waves that tell fractions of a screen pixel; 0 for Gray codes alone.",
+)
 @click.option("--period", type=int, default=32, show_default=True, help="Period of the waves in screen px: 8, 16, …")
 @click.option("-o", "folder", type=click.Path(path_type=Path), required=True, help="Folder to write into.")
-@force_option
-def make(
-    screen: tuple[int, int], pixel_mm: float | None, steps: int, period: int, folder: Path, force: bool
-) -> None:
+@overwrite_option
+def make(screen: tuple[int, int], pixel_mm: float | None, steps: int, period: int, folder: Path, force: bool) -> None:
     """Write the pictures to show, numbered in their order, and patterns.json, which decode needs."""
     from pinholify.detection.gray_code import Sequence, write_patterns
     from pinholify.detection.gray_code.captures import check_new_folder
@@ -65,10 +78,21 @@ def make(
 )
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--patterns", type=click.Path(path_type=Path), required=True, help="Folder that make wrote.")
-@click.option("--spacing", type=click.IntRange(4), default=16, show_default=True,
-              help="Distance of the nodes in screen px: all pixels around a node tell where it is.")
-@click.option("-o", "output", type=click.Path(path_type=Path), default="corners.csv", show_default=True,
-              help="Table to write: filename,X,Y,u,v,std; or a corner table, where it ends in .vnl.")
+@click.option(
+    "--spacing",
+    type=click.IntRange(4),
+    default=16,
+    show_default=True,
+    help="Distance of the nodes in screen px: all pixels around a node tell where it is.",
+)
+@click.option(
+    "-o",
+    "output",
+    type=click.Path(path_type=Path),
+    default="corners.csv",
+    show_default=True,
+    help="Table to write: filename,X,Y,u,v,std; or a corner table, where it ends in .vnl.",
+)
 @click.option("--maps", type=click.Path(path_type=Path), help="Also write what every pixel sees, into this folder.")
 @json_option
 @force_option

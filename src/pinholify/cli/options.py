@@ -76,8 +76,15 @@ def json_option(function: F) -> F:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")(function)
 
 
+def overwrite_option(function: F) -> F:
+    """``--force`` of commands whose results are not told from other files."""
+    return click.option("--force", is_flag=True, help="Replace files that are there; otherwise they are refused.")(
+        function
+    )
+
+
 def force_option(function: F) -> F:
-    """``--force``."""
+    """``--force`` of commands that know an earlier result of theirs."""
     return click.option(
         "--force", is_flag=True, help="Replace any file; an earlier result of the same kind is replaced anyway."
     )(function)

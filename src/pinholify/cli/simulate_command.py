@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pinholify.cli.options import examples, force_option, progress
+from pinholify.cli.options import examples, overwrite_option, progress
 from pinholify.errors import OutputError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
 @click.argument("name")
 @click.option("-o", "folder", type=click.Path(path_type=Path), required=True, help="Folder to write into.")
 @click.option("--views", type=click.IntRange(1), help="Only the first so many photographs.")
-@force_option
+@overwrite_option
 def command(name: str, folder: Path, views: int | None, force: bool) -> None:
     """Render the data set NAME (or all) of the paper's six: photographs, true corners, true camera.
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinholify.cli.options import examples, force_option, json_option, print_json, progress, say
+from pinholify.cli.options import examples, json_option, overwrite_option, print_json, progress, say
 from pinholify.cli.video import CODECS, straighten_one_video
 from pinholify.cli.view_options import ViewChoice, view_json, view_options
-from pinholify.errors import ImageError
+from pinholify.errors import ImageError, OutputError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.batch.jobs import Report
@@ -29,14 +29,14 @@ EXAMPLES = examples(
 @click.command("undistort", epilog=EXAMPLES)
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("images", nargs=-1, required=True)
-@click.option("-o", "output", required=True, help="Folder to write into, a path or a URL; a file for a video.")
+@click.option("-o", "output", required=True, help="Folder for the pictures, a path or a URL; a file for a video.")
 @view_options
 @click.option(
     "--method",
     type=click.Choice(["remap", "splat"]),
     default="remap",
     show_default=True,
-    help="Interpolate backwards, or the paper's forward splat with a median filter.",
+    help="Interpolate backwards, or the paper's forward splat with a median filter, several times slower.",
 )
 @click.option("--codec", type=click.Choice(CODECS), help="Video: how to encode; as the original by default.")
 @click.option("--quality", type=click.IntRange(0, 63), help="Video: constant rate factor, less is better.")
@@ -44,7 +44,7 @@ EXAMPLES = examples(
 @click.option("--scheduler", metavar="ADDRESS", help="Use the workers of a dask cluster, e.g. tcp://127.0.0.1:8786.")
 @click.option("--resume", is_flag=True, help="Skip what an earlier run with this camera and these options finished.")
 @json_option
-@force_option
+@overwrite_option
 def command(
     camera: Path,
     images: tuple[str, ...],
@@ -61,9 +61,11 @@ def command(
 ) -> None:
     """Straighten IMAGES (files, folders or URLs) of CAMERA into a folder, as PNG or for a JPEG as JPEG; or one video.
 
-    What lies outside the camera's domain, or above --max-std, is black. An image that fails is reported and the rest
-    are done; the exit status is then 1. A video keeps its frames' times and depth, its colours and its sound; when it
-    is stopped, the same command goes on from there.
+    What the camera does not know is black, and clear where an image has alpha. It knows the part of the image where
+    the standard deviation of its map is within its own limit, or --max-std; without a limit of its own, as when it
+    was made of one photograph, the part its corners cover. An image that fails is reported and the rest are done; the
+    exit status is then 1. A video keeps its frames' times and depth, its colours and its sound; when it is stopped,
+    the same command goes on from there. --json tells the view's K and rotation.
     """
     from pinholify.batch.run import straighten_images
     from pinholify.io.places import image_places
@@ -77,6 +79,8 @@ def command(
         raise click.UsageError("--workers and --scheduler are for images; a video takes the cores it can use by itself")
     if not videos and (codec is not None or quality is not None):
         raise click.UsageError("--codec and --quality are for a video")
+    if not videos:
+        check_folder(output)
     straighten = choice.straightener(camera, method=method)
     if videos:
         straighten_one_video(straighten, sources, output, codec=codec, quality=quality, force=force, as_json=as_json)
@@ -92,6 +96,17 @@ def command(
         say_what_was_written(report, output)
     if report.failed:
         raise ImageError(summary_of(report.failed, len(report.written) + len(report.failed)))
+
+
+def check_folder(output: str) -> None:
+    """Raise OutputError for a place that is called like a file: nobody means a folder ``a.jpg``, unless it is one."""
+    from pinholify.io.images import IMAGE_SUFFIXES
+    from pinholify.io.video.encoding import CONTAINERS
+
+    if Path(output).suffix.lower() in {*IMAGE_SUFFIXES, *CONTAINERS} and not Path(output).is_dir():
+        raise OutputError(
+            f"'{output}' is called like a file and pictures go into a folder, under their own names; give a folder"
+        )
 
 
 def to_json(report: Report, straightener: Straightener) -> dict[str, Any]:

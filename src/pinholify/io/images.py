@@ -16,7 +16,7 @@ from pinholify.errors import ImageError, OutputError
 from pinholify.io.files import atomic_path
 
 Image = NDArray[Any]
-"""(height, width) or (height, width, 3) uint8 or uint16; colour in OpenCV's order blue, green, red."""
+"""(height, width) or (height, width, 3) uint8 or uint16; colour in OpenCV's order blue, green, red, perhaps alpha."""
 
 IMAGE_SUFFIXES = frozenset(
     [".bmp", ".jpeg", ".jpg", ".jp2", ".png", ".webp", ".avif", ".pbm", ".pgm", ".ppm", ".tif", ".tiff"]
@@ -65,9 +65,10 @@ def read_image(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Image:
     return decode_image(read_bytes(path), str(path), max_pixels=max_pixels)
 
 
-def decode_image(data: bytes, name: str, *, max_pixels: int = MAX_PIXELS) -> Image:
+def decode_image(data: bytes, name: str, *, max_pixels: int = MAX_PIXELS, keep_alpha: bool = False) -> Image:
     """The image in the bytes ``data`` of a file called ``name``, as :func:`read_image` gives it.
 
+    With ``keep_alpha`` one that has transparency is (height, width, 4): blue, green, red, alpha.
     Raises ImageError for what is empty, cut short, no image, or of more than ``max_pixels``.
     """
     import cv2
@@ -76,6 +77,8 @@ def decode_image(data: bytes, name: str, *, max_pixels: int = MAX_PIXELS) -> Ima
         raise ImageError(f"'{name}' is empty; copy the image again")
     _check_header(data, name, max_pixels)
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    if keep_alpha and _has_alpha(data):
+        flags = cv2.IMREAD_UNCHANGED
     try:
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error:
@@ -121,6 +124,17 @@ def _check_header(data: bytes, name: str, max_pixels: int) -> None:
         _check_complete(name, picture)
 
 
+def _has_alpha(data: bytes) -> bool:
+    """Whether the header of an image says so; of one that :func:`_check_header` let pass."""
+    from PIL import Image as PillowImage
+
+    try:
+        with PillowImage.open(BytesIO(data)) as picture:
+            return "A" in picture.getbands() or "transparency" in picture.info
+    except (OSError, SyntaxError, ValueError):
+        return False
+
+
 def _check_complete(name: str, picture: Any) -> None:
     try:
         if picture.format == "JPEG":
@@ -152,7 +166,7 @@ def write_image(path: str | Path, image: Image) -> None:
 
 
 def encode_image(image: Image, name: str) -> bytes:
-    """``image`` (grey or BGR, uint8 or uint16) as the bytes of a file called ``name``, whose suffix says the format.
+    """``image`` (grey, BGR or BGRA, uint8 or uint16) as the bytes of a file called ``name``, by its suffix's format.
 
     Raises OutputError where the format does not take it.
     """
