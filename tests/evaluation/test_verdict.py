@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from pinholify.calibration.observation import map_board
 from pinholify.evaluation.summary import NOT_ASKED, evaluate
 from pinholify.evaluation.verdict import coverage, judge, noise_floor, place
 from pinholify.geometry import Pose
@@ -78,6 +79,76 @@ def test_what_was_not_asked_for_is_not_held_against_a_camera(barrel_set, barrel_
     verdict = judge(evaluate(barrel_calibration, barrel_set, compare_opencv=False), barrel_set)
     assert verdict.level != "poor"
     assert "not asked for" in verdict.sentence
+
+
+class Folded:
+    """A map that is nowhere one to one."""
+
+    def __init__(self, plane_map):
+        self.value = plane_map.value
+
+    def jacobian(self, uv):
+        return np.zeros((len(uv), 2, 2))
+
+
+def folded(calibration):
+    camera = dataclasses.replace(calibration.camera, plane_map=Folded(calibration.camera.plane_map))
+    return dataclasses.replace(calibration, camera=camera)
+
+
+def without_solution(part, name):
+    raise np.linalg.LinAlgError("Singular matrix")
+
+
+def test_a_held_out_error_without_a_solution_is_unknown_and_says_why(barrel_set, barrel_calibration):
+    for recalibrate, reason in (
+        (lambda part, name: folded(barrel_calibration), "a held-out board could not be located"),
+        (without_solution, "half of the boards do not determine a camera"),
+    ):
+        evaluation = evaluate(barrel_calibration, barrel_set, recalibrate=recalibrate, compare_opencv=False)
+        assert evaluation.heldout_px is None
+        assert reason in evaluation.heldout_reason
+        verdict = judge(evaluation, barrel_set)
+        assert verdict.level == "poor"
+        assert f"no held-out error is known ({reason}" in verdict.sentence
+
+
+def test_corners_where_the_map_is_not_one_to_one_do_not_count(barrel_set, barrel_calibration):
+    view = barrel_set.views[1]
+    xy, jacobian = barrel_calibration.camera.plane_map.value(view.uv), np.tile(np.eye(2), (len(view), 1, 1))
+    jacobian[:3], jacobian[3] = 0.0, np.nan
+    board = map_board(view, barrel_set.board, np.ones(len(view), dtype=bool), xy, jacobian)
+    assert board.used
+    np.testing.assert_array_equal(np.flatnonzero(~board.inside), [0, 1, 2, 3])
+    assert len(board.uv) == len(view) - 4
+
+
+def of_noise(evaluation, noise_px, heldout_px):
+    camera = dataclasses.replace(evaluation.calibration.camera, noise_px=noise_px)
+    calibration = dataclasses.replace(evaluation.calibration, camera=camera)
+    return dataclasses.replace(evaluation, calibration=calibration, heldout_px=heldout_px, heldout_reason="")
+
+
+@pytest.mark.parametrize(
+    ("noise_px", "heldout_px", "level"),
+    [(0.4, 0.6, "good"), (0.6, 0.9, "fair"), (0.6, 1.8, "poor"), (2.3, 4.0, "poor")],
+)
+def test_noise_is_a_yardstick_only_while_it_is_that_of_corners(
+    barrel_set, barrel_calibration, monkeypatch, noise_px, heldout_px, level
+):
+    monkeypatch.setattr("pinholify.evaluation.verdict.ENOUGH_COVERAGE", 0.0)
+    evaluation = evaluate(barrel_calibration, barrel_set, compare_opencv=False)
+    verdict = judge(of_noise(evaluation, noise_px, heldout_px), barrel_set)
+    assert verdict.level == level
+    assert (f"its corners scatter by {noise_px:.2g} px, 0.3 or less is usual" in verdict.sentence) == (noise_px > 0.5)
+
+
+def test_boards_that_disagree_are_remarked_on(barrel_set, barrel_calibration):
+    evaluation = evaluate(barrel_calibration, barrel_set, compare_opencv=False)
+    assert "disagree" not in judge(evaluation, barrel_set).sentence
+    calibration = dataclasses.replace(barrel_calibration, details={"disagreement": 3.93})
+    verdict = judge(dataclasses.replace(evaluation, calibration=calibration), barrel_set)
+    assert "its boards disagree 3.9 times as much as their corners' noise explains" in verdict.sentence
 
 
 def test_a_camera_of_another_lens_is_poor(barrel_calibration):

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pinholify.evaluation.shared_error import SharedError
 from pinholify.evaluation.summary import evaluate
 from pinholify.evaluation.verdict import judge
 from pinholify.geometry import ConvexRegion, convex_hull
@@ -257,3 +258,18 @@ def test_many_photographs_get_small_thumbnails(count):
     width = thumbnail_width(count)
     assert 160 <= width <= 480
     assert width == 160 or count * width**2 <= 46 * 480**2
+
+
+def paragraphs(report, key):
+    return " ".join(next(part for part in sections(report) if part.key == key).paragraphs)
+
+
+def test_what_boards_disagree_on_and_what_they_share_is_told(evaluation, verdict, report):
+    assert "disagree" not in paragraphs(report, "intrinsics")
+    assert "is the board flat" not in paragraphs(report, "residuals")
+    calibration = dataclasses.replace(evaluation.calibration, details={"disagreement": 3.9})
+    bent = dataclasses.replace(verdict, shared=SharedError(0.12, 1e-9))
+    told = make_report(dataclasses.replace(evaluation, calibration=calibration), bent, report.provenance)
+    assert "Its boards disagree 3.9 times as much as their corners' noise" in paragraphs(told, "intrinsics")
+    assert "0.12 px is the same at each corner of the board" in paragraphs(told, "residuals")
+    assert "(p = below 0.0001): is the board flat" in paragraphs(told, "residuals")

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
+from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
+from pinholify.evaluation.shared_error import SharedError, shared_error
 from pinholify.evaluation.summary import NOT_ASKED, Evaluation
 from pinholify.evaluation.wrong_corners import MANY, TOO_MANY
 from pinholify.refinement.diagnosis import (
@@ -23,12 +25,14 @@ from pinholify.refinement.diagnosis import (
 
 POOR_PX, POOR_RATIO = 1.0, 4.0  # held-out error: in px, and times what the noise alone would leave
 FAIR_RATIO = 1.5
+USUAL_PX, ROUGH_PX = 0.3, 0.5  # noise of a corner per axis: at most so much is usual; not even blur explains more
 POOR_FOCAL = 0.02  # relative standard deviation of f
 ENOUGH_COVERAGE = 0.6
 STRUCTURED = 0.01  # p-value
 ALIKE = 1e-4  # p-value: wrong corners that err alike are no chance errors, and hide what the camera does not explain
 WRONG_RATIO = 2.0  # times the residuals of the other boards
 FINEST_PX = 0.03  # a point: corners are found no finer even in faultless pictures, so that less says nothing
+ROUGH = "blurred photographs, a board that is bent, or two cameras?"
 GRID = 64
 
 
@@ -45,10 +49,10 @@ class Residuals:
 class Verdict:
     """``level`` is good, fair or poor; ``sentence`` says why.
 
-    ``structure`` tests whether residuals close together are alike, ``left_out`` whether the wrong corners, which are in
-    no measure, err alike. ``coverage`` is the share of the image where the camera may be believed, ``suspicious`` are
-    boards whose residuals are too large, ``next_board`` where one more photograph would help most (joint cameras
-    alone).
+    ``structure`` tests whether residuals close together are alike, ``shared`` whether those of each corner of the board
+    are, ``left_out`` whether the wrong corners, which are in no measure, err alike. ``coverage`` is the share of the
+    image where the camera may be believed, ``suspicious`` are boards whose residuals are too large, ``next_board`` is
+    where one more photograph would help most (joint cameras alone).
     """
 
     level: str
@@ -58,6 +62,7 @@ class Verdict:
     suspicious: tuple[BoardSuspicion, ...]
     next_board: NextBoard | None
     left_out: Structure
+    shared: SharedError
 
 
 def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
@@ -69,12 +74,14 @@ def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
     covered = coverage(camera)
     advice = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
     left_out = structure_of(errors_left_out(evaluation, corner_set), corner_set)
-    level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, structure, left_out, suspicious)
+    shared = shared_error(evaluation.calibration, evaluation.observed.values())
+    level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, left_out, suspicious)
+    reasons += _remarks(evaluation, structure, shared)
     sentence = f"{level.capitalize()}: {_held_out(evaluation)}, {_known(evaluation)}"
     sentence += "".join(f"; {reason}" for reason in reasons)
     if advice is not None:
         sentence += f"; to gain most, photograph the board {place(advice, camera.image_size)}"
-    return Verdict(level, sentence + ".", structure, covered, suspicious, advice, left_out)
+    return Verdict(level, sentence + ".", structure, covered, suspicious, advice, left_out, shared)
 
 
 def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
@@ -130,6 +137,12 @@ def coverage(camera: VirtualCamera) -> float:
     return float(camera.inside(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)).mean())
 
 
+def disagreement(calibration: Calibration) -> float:
+    """How many times more the boards pull a joint camera apart than their corners' noise explains; 1 if no more."""
+    factor = calibration.details.get("disagreement")
+    return float(factor) if isinstance(factor, (int, float)) else 1.0
+
+
 def place(advice: NextBoard, image_size: tuple[int, int]) -> str:
     """Where in the image, in words: ``at the upper left``."""
     x, y = advice.outline.mean(axis=0) / image_size
@@ -145,20 +158,23 @@ def _level(
     evaluation: Evaluation,
     floor: float,
     covered: float,
-    structure: Structure,
     left_out: Structure,
     suspicious: tuple[BoardSuspicion, ...],
 ) -> tuple[str, list[str]]:
+    """The level, and the reasons for it: the noise ``floor`` is a yardstick only as far as it is that of corners."""
     heldout = evaluation.heldout_px
     unknown = heldout is None and evaluation.heldout_reason != NOT_ASKED
     error = evaluation.pooled.re_px if heldout is None else heldout
-    off = error > max(POOR_PX, POOR_RATIO * floor)
+    noise = floor / np.sqrt(2.0)
+    off = error > max(POOR_PX, POOR_RATIO * np.sqrt(2.0) * min(noise, USUAL_PX))
     known = _imported(evaluation) or _focal(evaluation) < POOR_FOCAL
     alike = left_out.p_value < ALIKE
     hidden = evaluation.wrong.share > (MANY if alike else TOO_MANY)
     reasons = []
     if error > FAIR_RATIO * max(floor, FINEST_PX):
         reasons.append(f"its corners' noise alone would leave {floor:.2f} px")
+    if noise > ROUGH_PX:
+        reasons.append(f"its corners scatter by {noise:.2g} px, {USUAL_PX:g} or less is usual: {ROUGH}")
     if covered < ENOUGH_COVERAGE:
         reasons.append(f"boards cover only {100 * covered:.0f} % of the image")
     if suspicious:
@@ -168,16 +184,27 @@ def _level(
     if alike:
         reasons.append(f"corners taken for wrong err alike (p = {left_out.p_value:.1g}): maybe it is the camera")
     level = "poor" if unknown or off or not known or hidden else "fair" if reasons else "good"
-    return level, reasons + _remarks(evaluation, structure)
+    return level, reasons
 
 
-def _remarks(evaluation: Evaluation, structure: Structure) -> list[str]:
+def _remarks(evaluation: Evaluation, structure: Structure, shared: SharedError) -> list[str]:
     """What is said beside the reasons for the level."""
     remarks = []
     if evaluation.wrong.share > MANY:
         remarks.append(_left_out(evaluation))
     if structure.p_value < STRUCTURED:
         remarks.append(f"residuals still hang together over the image (p = {structure.p_value:.1g})")
+    if shared.p_value < STRUCTURED and shared.rms_px > FINEST_PX:
+        remarks.append(
+            f"the corners are off alike on every board, by {shared.rms_px:.2g} px (p = {shared.p_value:.1g}): is the "
+            "board flat and printed true?"
+        )
+    factor = disagreement(evaluation.calibration)
+    if factor > 1.0:
+        remarks.append(
+            f"its boards disagree {factor:.2g} times as much as their corners' noise explains (bent, blurred or moving "
+            "boards?): the error bars count that"
+        )
     return remarks
 
 

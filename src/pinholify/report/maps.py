@@ -85,7 +85,8 @@ class ResidualField:
     ``centres`` (n, 2) px with the ``means`` (n, 2) px of their cells; drawn ``magnification`` times as long.
     ``all`` (m, 2) px are the residuals themselves, ``rms_px`` their root mean square a point, ``noise_px`` the
     corners' noise per axis. ``correlation`` is between neighbours on different boards; ``p_value`` the probability of
-    as much where there is no structure.
+    as much where there is no structure. ``board_error_px`` a point is what all boards share, corner by corner, and
+    ``board_error_p_value`` the probability of as much where they share nothing.
     """
 
     centres: Floats
@@ -96,6 +97,8 @@ class ResidualField:
     noise_px: float
     correlation: float
     p_value: float
+    board_error_px: float
+    board_error_p_value: float
 
 
 def residual_field(calibration: Calibration, verdict: Verdict, seen: Residuals) -> ResidualField:
@@ -116,6 +119,8 @@ def residual_field(calibration: Calibration, verdict: Verdict, seen: Residuals) 
         calibration.camera.noise_px,
         verdict.structure.correlation,
         verdict.structure.p_value,
+        verdict.shared.rms_px,
+        verdict.shared.p_value,
     )
 
 

@@ -121,9 +121,13 @@ def _intrinsics(report: Report) -> Section:
         f"fx = fy = {number(k.view_focal, 2)} px and principal point ({number(cx, 2)}, {number(cy, 2)}) px. The lens "
         f"sees about {angle(horizontal)} across, {angle(vertical)} down and {angle(diagonal)} on the diagonal."
     )
+    apart = (
+        f"Its boards disagree {number(k.disagreement, 1)} times as much as their corners' noise explains: they bent, "
+        "moved or were blurred in ways of their own. The standard deviations here, and those of every ray, count that.",
+    ) * (k.disagreement > 1.0)
     mirrored = ("The camera looks into a mirror; the straightened view shows the scene unreversed.",) * k.mirrored
     table = Table("K, the intrinsics", header, rows)
-    return Section("intrinsics", "The camera in three numbers", (text, view, *mirrored), (table,))
+    return Section("intrinsics", "The camera in three numbers", (text, *apart, view, *mirrored), (table,))
 
 
 def _length_row(length: Length, square_mm: float | None) -> tuple[str, ...]:
@@ -240,7 +244,11 @@ def _residuals(report: Report) -> Section:
         "are; the cloud is all of them at once, with circles at 1, 2 and 3 standard deviations of the noise. Good are "
         "short arrows without a pattern and a round cloud."
     )
-    return Section("residuals", "What is left over", (text, numbers), caption=caption)
+    board = (
+        f"Of that, {px(field.board_error_px)} is the same at each corner of the board wherever it is held "
+        f"(p = {_p_value(field.board_error_p_value)}): is the board flat, and printed true?",
+    ) * (field.board_error_p_value < STRUCTURED)
+    return Section("residuals", "What is left over", (text, numbers, *board), caption=caption)
 
 
 def _p_value(p: float) -> str:

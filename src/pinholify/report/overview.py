@@ -9,7 +9,7 @@ import numpy as np
 from pinholify.arrays import Floats
 from pinholify.camera import VirtualCamera
 from pinholify.evaluation.summary import Evaluation
-from pinholify.evaluation.verdict import Verdict, noise_floor, place
+from pinholify.evaluation.verdict import Verdict, disagreement, noise_floor, place
 from pinholify.evaluation.wrong_corners import sentences
 from pinholify.rectification.views import named_view
 
@@ -88,7 +88,8 @@ class Intrinsics:
     """K of the virtual camera, and the pinhole view that people use.
 
     ``view_focal`` and ``view_centre`` are K of the straightened picture of ``view_size``, in px. ``field_of_view`` is
-    horizontal, vertical and diagonal, in degrees, over the whole image; nan where the camera has no answer.
+    horizontal, vertical and diagonal, in degrees, over the whole image; nan where the camera has no answer. The boards
+    pull the camera apart ``disagreement`` times as much as noise explains: all standard deviations count that.
     """
 
     lengths: tuple[Length, ...]
@@ -99,6 +100,7 @@ class Intrinsics:
     view_centre: tuple[float, float]
     view_size: tuple[int, int]
     field_of_view: tuple[float, float, float]
+    disagreement: float
 
 
 def intrinsics_of(evaluation: Evaluation) -> Intrinsics:
@@ -117,6 +119,7 @@ def intrinsics_of(evaluation: Evaluation) -> Intrinsics:
         (float(view.matrix[0, 2]), float(view.matrix[1, 2])),
         view.size,
         field_of_view(camera),
+        disagreement(calibration),
     )
 
 
