@@ -13,6 +13,7 @@ from pinholify.evaluation.shared_error import SharedError
 from pinholify.evaluation.summary import evaluate
 from pinholify.evaluation.verdict import judge
 from pinholify.geometry import ConvexRegion, convex_hull
+from pinholify.rectification.maps import rectification_map
 from pinholify.rectification.views import named_view
 from pinholify.report.contents import make_report
 from pinholify.report.contours import grid_pixels, region_inside, regions_above
@@ -183,6 +184,24 @@ def test_the_believed_region_is_the_hull_cut_by_the_limit():
 def test_coverage_is_what_its_outline_encloses(report):
     assert area(report.coverage.believed) / np.prod(SIZE) == pytest.approx(report.coverage.share, abs=0.02)
     assert report.overview.coverage == report.coverage.share
+
+
+def coverage_text(report):
+    return next(section.paragraphs[0] for section in sections(report) if section.key == "coverage")
+
+
+def test_what_pictures_show_is_said(report, evaluation):
+    """Of a camera of one image its domain; of one whose std has a limit all that is known as well, and how well."""
+    camera = evaluation.calibration.camera
+    seen = rectification_map(camera, named_view(camera, "camera", (1600, 1200), None))
+    u, v = np.rint(seen.uv[seen.valid]).astype(int).T
+    pixels = len(np.unique(v * SIZE[0] + u))
+    assert report.coverage.shown == pytest.approx(pixels / np.prod(SIZE), abs=0.01)
+    assert report.coverage.shown == pytest.approx(report.coverage.share, abs=0.01)
+    assert "'pinholify undistort' shows that much, and black for the rest" in coverage_text(report)
+    limited = dataclasses.replace(report.coverage, shown=0.873, limit_px=0.482)
+    text = coverage_text(dataclasses.replace(report, coverage=limited))
+    assert "shows where it is still known to 0.48 px, 87 % of the image" in text
 
 
 def test_levels_lie_in_one_another_and_reach_the_whole_image(report):

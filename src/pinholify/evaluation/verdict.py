@@ -51,7 +51,7 @@ class Verdict:
 
     ``structure`` tests whether residuals close together are alike, ``shared`` whether those of each corner of the board
     are, ``left_out`` whether the wrong corners, which are in no measure, err alike. ``coverage`` is the share of the
-    image where the camera may be believed, ``suspicious`` are boards whose residuals are too large, ``next_board`` is
+    image in the camera's domain, ``suspicious`` are boards whose residuals are too large, ``next_board`` is
     where one more photograph would help most (joint cameras alone).
     """
 
@@ -132,8 +132,8 @@ def noise_floor(evaluation: Evaluation, corner_set: CornerSet) -> float:
 
 
 def coverage(camera: VirtualCamera) -> float:
-    """The share of the image where ``camera`` may be believed."""
-    u, v = (np.linspace(0.0, extent - 1.0, GRID) for extent in camera.image_size)
+    """The share of the image in the domain of ``camera``, where corners count."""
+    u, v = ((np.arange(GRID) + 0.5) * extent / GRID - 0.5 for extent in camera.image_size)  # middles of equal cells
     return float(camera.inside(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)).mean())
 
 

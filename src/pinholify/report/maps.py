@@ -12,6 +12,7 @@ from pinholify.camera import VirtualCamera
 from pinholify.evaluation.measures import rms
 from pinholify.evaluation.verdict import Residuals, Verdict
 from pinholify.geometry import convex_hull
+from pinholify.rectification.trust import believable_share
 from pinholify.report.contours import Polygons, grid_pixels, region_inside, regions_above
 
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # px
@@ -23,15 +24,18 @@ SHOWN_ARROW = 0.8  # of a cell: how long the longest arrow of the residual field
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coverage:
-    """Outlines (n, 2) px: of each counted board's corners, of where the camera is believed, of the best next board.
+    """Outlines (n, 2) px: of each counted board's corners, of the camera's domain, of the best next board.
 
-    ``share`` is the part of the image that is believed.
+    ``share`` is the part of the image in the domain, ``shown`` the part that straightened pictures show: where the map
+    is known to ``limit_px``, or all of the domain where that is infinite.
     """
 
     share: float
     believed: Polygons
     boards: Polygons
     next_board: Floats | None
+    shown: float
+    limit_px: float
 
 
 def coverage_of(calibration: Calibration, verdict: Verdict, seen: Residuals, std: Floats) -> Coverage:
@@ -44,6 +48,8 @@ def coverage_of(calibration: Calibration, verdict: Verdict, seen: Residuals, std
         region_inside(camera.domain.hull, log_std, limit, camera.image_size),
         tuple(convex_hull(view.uv[seen.inliers[view.name]]).vertices for view in views),
         None if verdict.next_board is None else verdict.next_board.outline,
+        believable_share(camera),
+        camera.domain.max_std,
     )
 
 
@@ -51,8 +57,8 @@ def coverage_of(calibration: Calibration, verdict: Verdict, seen: Residuals, std
 class Certainty:
     """Standard deviation of the map's shape in px, over the image.
 
-    ``regions`` are where it is at least each of ``levels`` px; ``inside_px`` and ``image_px`` are its medians where the
-    camera is believed and over the whole image.
+    ``regions`` are where it is at least each of ``levels`` px; ``inside_px`` and ``image_px`` are its medians in the
+    camera's domain and over the whole image.
     """
 
     levels: tuple[float, ...]

@@ -8,7 +8,7 @@ import numpy as np
 
 from pinholify.report.boards import BoardEntry
 from pinholify.report.contents import Report
-from pinholify.report.maps import round_down
+from pinholify.report.maps import Coverage, round_down
 from pinholify.report.numerals import angle, decimals, number, percent, px, scientific, with_std
 from pinholify.report.overview import Length
 
@@ -67,7 +67,7 @@ def facts(report: Report) -> tuple[tuple[str, str, str], ...]:
     return (
         heldout,
         ("Focal length", f"± {percent(overview.f_share)}" if known else "unknown", "one standard deviation"),
-        ("Coverage", percent(overview.coverage), "of the image may be believed"),
+        ("Coverage", percent(overview.coverage), "of the image is covered by corners"),
         ("Boards that count", boards, f"found in {overview.images} photograph{'s' * (overview.images != 1)}"),
         *([("Wrong corners", *wrong)] if overview.wrong_corners else []),
     )
@@ -152,7 +152,7 @@ def _errors(report: Report) -> Section:
 def _photographs(report: Report) -> Section:
     crosses = ", crosses are wrong corners and count nowhere" if report.overview.wrong_corners else ""
     caption = (
-        f"Corners as they were found: dots count, rings do not (they lie where the camera is not believed){crosses}. "
+        f"Corners as they were found: dots count, rings do not (they lie outside of the camera's domain){crosses}. "
         f"The lines from dots are the residuals, {residual_scale(report):g} times as long as they are. Good are short "
         "lines in all directions; a common direction or a pattern is bad."
     )
@@ -193,25 +193,36 @@ def _board_row(entry: BoardEntry) -> tuple[str, ...]:
 
 
 def _coverage(report: Report) -> Section:
+    coverage = report.coverage
     text = (
-        f"The camera may be believed in {percent(report.coverage.share)} of the image. Outside of that the map is "
-        "extrapolated, and 'pinholify undistort' shows black."
+        f"The corners that the camera was made from cover {percent(coverage.share)} of the image, its domain: measures "
+        f"count the corners there. {_shown(coverage)}"
     )
     advised = report.overview.advice is not None
     advice = (f"To gain most, photograph the board {report.overview.advice}.",) * advised
     caption = (
-        "Each board's area, the stronger the more often it was seen; the solid outline is where the camera is "
-        f"believed{', the dashed one where the next board would help most' if advised else ''}. Good is an outline "
+        "Each board's area, the stronger the more often it was seen; the solid outline is the domain"
+        f"{', the dashed one where the next board would help most' if advised else ''}. Good is an outline "
         "that reaches into all four corners of the image."
     )
     return Section("coverage", "Where boards were seen", (text, *advice), caption=caption)
+
+
+def _shown(coverage: Coverage) -> str:
+    """Of what straightened pictures show, which may be more."""
+    if not np.isfinite(coverage.limit_px):
+        return "'pinholify undistort' shows that much, and black for the rest."
+    return (
+        "Farther out the map is extrapolated, and the less known the farther. 'pinholify undistort' shows where it is "
+        f"still known to {px(coverage.limit_px)}, {percent(coverage.shown)} of the image, and black for the rest."
+    )
 
 
 def _certainty(report: Report) -> Section:
     certainty = report.certainty
     text = (
         "How far a pixel's ray may be off by chance, one standard deviation, whole turns of the camera left out: "
-        f"{px(certainty.inside_px)} where the camera is believed, {px(certainty.image_px)} over the whole image "
+        f"{px(certainty.inside_px)} in the camera's domain, {px(certainty.image_px)} over the whole image "
         "(medians)."
     )
     caption = (

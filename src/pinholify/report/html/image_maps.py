@@ -20,7 +20,7 @@ HEAD = 0.3  # of an arrow's length
 
 
 def coverage_map(report: Report) -> Markup:
-    """Boards seen, the area believed and the next board."""
+    """Boards seen, the camera's domain and the next board."""
     size, coverage = report.image_size, report.coverage
     width = size[0]
     corners = np.concatenate([entry.corners[entry.counted] for entry in report.boards])
@@ -30,7 +30,7 @@ def coverage_map(report: Report) -> Markup:
     if coverage.next_board is not None:
         dashes = f"{width / 60:.1f} {width / 90:.1f}"
         parts.append(outline([coverage.next_board], "next", stroke_width=width / 200, stroke_dasharray=dashes))
-    label = f"Map of the image: boards cover it as far as the outline goes, {coverage.share:.0%} of it is believed"
+    label = f"Map of the image: corners cover it as far as the outline goes, {coverage.share:.0%} of it"
     return _framed(drawing(size, *parts, label=label))
 
 
@@ -53,9 +53,7 @@ def certainty_map(report: Report) -> Markup:
     certainty = report.certainty
     layers = (outline(region, "layer", opacity=LAYER) for region in certainty.regions)
     believed = outline(report.coverage.believed, "believed", stroke_width=report.image_size[0] / 240)
-    label = (
-        f"Map of the standard deviation over the image: median {px(certainty.inside_px)} where the camera is believed"
-    )
+    label = f"Map of the standard deviation over the image: median {px(certainty.inside_px)} in the camera's domain"
     return joined([_framed(drawing(report.image_size, *layers, believed, label=label)), _legend(certainty.levels)])
 
 
