@@ -12,6 +12,8 @@ from pinholify.arrays import Floats, Ints, frozen
 from pinholify.board import Board, lattice_points, size
 from pinholify.errors import InputError
 
+SAME = "it has the same corners as"  # why a view that repeats another does not count
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
@@ -65,6 +67,22 @@ class Corners:
 def not_found(name: str, reason: str) -> Corners:
     """The result for image ``name`` in which no board was found, and why."""
     return Corners(name, np.empty(0, np.int64), np.empty((0, 2)), reason=reason)
+
+
+def repeated(views: Iterable[Corners]) -> dict[str, str]:
+    """By name, the views that repeat the corners of an earlier one, and that one's name.
+
+    A photograph given twice, or a frame that stood still, has the same ids at the same places, to a millionth of a px;
+    it tells nothing new, not even of the noise.
+    """
+    first: dict[tuple[bytes, bytes], str] = {}
+    repeats = {}
+    for view in views:
+        order = np.argsort(view.ids)
+        key = view.ids[order].tobytes(), (view.uv[order].round(6) + 0.0).tobytes()  # no negative zeros
+        if view.found and first.setdefault(key, view.name) != view.name:
+            repeats[view.name] = first[key]
+    return repeats
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from pinholify.calibration.result import flat
 from pinholify.calibration.zhang import pose_from_homography
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
-from pinholify.corners import Corners, CornerSet
+from pinholify.corners import SAME, Corners, CornerSet, repeated
 from pinholify.geometry import Pose, apply_homography, estimate_homography, homography_jacobian
 
 if TYPE_CHECKING:
@@ -114,13 +114,22 @@ def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: 
 def map_boards(corner_set: CornerSet, plane_map: PlaneMap, inside: list[Bools]) -> list[MappedBoard]:
     """Every view's board in the plane of ``plane_map``; ``inside`` marks the corners that may count, a view each.
 
-    Boards that misfit a homography much worse than the others are set aside by name.
+    Boards that misfit a homography much worse than the others are set aside by name, and those that repeat another.
     """
     boards = [
         map_board(view, corner_set.board, keep, plane_map.value(view.uv[keep]), plane_map.jacobian(view.uv[keep]))
         for view, keep in zip(corner_set.views, inside, strict=True)
     ]
-    return without_wrong_corners(boards, corner_set)
+    return without_wrong_corners(without_repeats(boards, corner_set), corner_set)
+
+
+def without_repeats(boards: list[MappedBoard], corner_set: CornerSet) -> list[MappedBoard]:
+    """The same boards, those with the same corners as an earlier one set aside."""
+    repeats = repeated(corner_set.views)
+    return [
+        unused(view, f"{SAME} {repeats[view.name]}", b.inside) if b.used and view.name in repeats else b
+        for view, b in zip(corner_set.views, boards, strict=True)
+    ]
 
 
 def without_wrong_corners(boards: list[MappedBoard], corner_set: CornerSet) -> list[MappedBoard]:
@@ -172,7 +181,7 @@ def map_views(camera: VirtualCamera, corner_set: CornerSet) -> list[MappedBoard]
         else unused(view, view.reason or "no board found")
         for view, keep, points, slopes in zip(corner_set.views, *parts, strict=True)
     ]
-    return without_wrong_corners(mapped, corner_set)
+    return without_wrong_corners(without_repeats(mapped, corner_set), corner_set)
 
 
 def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:

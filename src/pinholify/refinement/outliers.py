@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from pinholify.arrays import Bools, Floats
 from pinholify.board import Board
 from pinholify.calibration.numbering import FEWEST_CORNERS, counted_backwards
-from pinholify.corners import Corners
+from pinholify.corners import SAME, Corners, repeated
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.solver import lengths, robust_scale
 
@@ -22,10 +22,11 @@ WORST_RATIO = 3.0  # of a board's residuals to those of all
 
 
 def usable_views(views: Iterable[Corners], board: Board, mirrored: bool) -> tuple[list[Corners], dict[str, str]]:
-    """The views that may enter the solve, and the others with the reason."""
-    usable, unusable = [], {}
-    for view in views:
-        reason = _unusable(view, board, mirrored)
+    """The views that may enter the solve, and the others with the reason; of those with the same corners the first."""
+    every = list(views)
+    usable, unusable, repeats = [], {}, repeated(every)
+    for view in every:
+        reason = f"{SAME} {repeats[view.name]}" if view.name in repeats else _unusable(view, board, mirrored)
         if reason:
             unusable[view.name] = reason
         else:
