@@ -37,7 +37,7 @@ def shared_error(calibration: Calibration, observed: Iterable[ObservedBoard]) ->
     Miller 2008, here with its exact variance).
     """
     boards = list(observed)
-    if len(boards) < 2:
+    if not boards:
         return SharedError(0.0, 1.0)
     lattice = np.concatenate([each.board.lattice for each in boards])
     view = np.repeat(np.arange(len(boards)), [len(each.board.lattice) for each in boards])
