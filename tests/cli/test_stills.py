@@ -61,6 +61,21 @@ def test_detect_takes_a_video_among_photographs(run, clip, photographs):
     assert boards["clip-000003.png"] == boards["small-00.png"] == 54
 
 
+def test_of_half_a_video_the_rest_is_missed(run, clip):
+    with av.open(str(clip)) as original, av.open("whole.mkv", "w") as copy:
+        stream = copy.add_stream_from_template(original.streams.video[0])
+        for packet in original.demux(original.streams.video[0]):
+            if packet.size:
+                packet.stream = stream
+                copy.mux(packet)
+    data = Path("whole.mkv").read_bytes()
+    Path("half.mkv").write_bytes(data[: len(data) // 2])
+    result = run("detect", "half.mkv", "--board", "9x6", "--json")
+    assert result.status == 0  # what there is counts
+    assert "note: 'half.mkv' ends early: " in result.err
+    assert "ends early" not in run("detect", "whole.mkv", "--board", "9x6", "--json").err
+
+
 def test_two_videos_of_one_name(refused, clip):
     Path("clip.mp4").write_bytes(clip.read_bytes())
     result = refused("detect", clip, "clip.mp4", "--board", "9x6")

@@ -33,6 +33,32 @@ def test_a_video_is_straightened_from_file_to_file(run, camera, clip):
     assert (decoded("out.mp4")[0].width, decoded("out.mp4")[0].height) == (321, 241)
 
 
+@pytest.fixture
+def half_a_clip(clip):
+    """The first half of a file that says what is in it before it comes."""
+    with av.open(clip) as original, av.open("whole.mp4", "w", container_options={"movflags": "+faststart"}) as copy:
+        streams = {s.index: copy.add_stream_from_template(s) for s in original.streams}
+        for packet in original.demux():
+            if packet.size:
+                packet.stream = streams[packet.stream_index]
+                copy.mux(packet)
+    data = Path("whole.mp4").read_bytes()
+    Path("half.mp4").write_bytes(data[: len(data) // 2])
+    return "half.mp4"
+
+
+def test_half_a_video_is_straightened_and_told(run, camera, half_a_clip):
+    result = run("undistort", camera, half_a_clip, "-o", "out.mp4")
+    count = len(decoded("out.mp4"))
+    assert 4 < count < 20
+    told = f"'half.mp4' ends early: {count} of about 24 frames are there; it was cut short or is damaged: copy it again"
+    assert (result.status, result.out) == (1, f"wrote out.mp4: {count} frames\n")
+    assert result.err == f"pinholify: {told}\n"
+    result = run("undistort", camera, half_a_clip, "-o", "again.mp4", "--json")
+    assert result.status == 1
+    assert json.loads(result.out)["failed"] == {"half.mp4": told}
+
+
 def test_ctrl_c_leaves_whole_parts_and_no_video(run, camera, clip, monkeypatch):
     from pinholify.batch import video
     from pinholify.io.video import segments

@@ -35,6 +35,7 @@ def _stills(video: Path, folder: Path) -> list[Path]:
     """Pictures named after ``video`` and the number of the frame."""
     from pinholify.io.images import write_image
     from pinholify.io.video.choice import choose_stills
+    from pinholify.io.video.completeness import shortfall
     from pinholify.io.video.source import probe
 
     paths: list[Path] = []
@@ -43,4 +44,6 @@ def _stills(video: Path, folder: Path) -> list[Path]:
             paths.append(folder / f"{video.stem}-{still.number:06d}.png")
             write_image(paths[-1], still.image)
     say(f"chose {len(paths)} frames of {video}")
+    if (lacking := shortfall(str(video))) is not None:
+        say(f"note: {lacking.of(str(video))}")
     return paths

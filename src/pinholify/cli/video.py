@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import click
 
 from pinholify.cli.options import check_output, print_json, progress, say
 from pinholify.cli.view_options import view_json
-from pinholify.errors import InputError
+from pinholify.errors import ImageError, InputError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.batch.video import VideoJob
@@ -29,9 +30,13 @@ def straighten_one_video(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Straighten the only one of ``sources``, a video, into the file ``target``, and say so."""
+    """Straighten the only one of ``sources``, a video, into the file ``target``, and say so.
+
+    Raises ImageError, after what there is of it was written, for a video that is cut short.
+    """
     from pinholify.batch.video import straighten_video, video_job
     from pinholify.io.places import is_url
+    from pinholify.io.video.completeness import shortfall
 
     if len(sources) > 1:
         raise InputError(f"{len(sources)} files were given where one video is; straighten each by itself")
@@ -48,18 +53,22 @@ def straighten_one_video(
             if job.parts.exists():
                 say("stopped; the same command goes on with what is done so far, kept in " + job.parts.name)
             raise
+    lacking = shortfall(source)
+    failure = "" if lacking is None else replace(lacking, found=frames).of(source)
     if as_json:
-        print_json(to_json(job, frames, straightener))
+        print_json(to_json(job, frames, straightener, failure))
     else:
         click.echo(f"wrote {target}: {frames} frames")
+    if failure:
+        raise ImageError(failure)
 
 
-def to_json(job: VideoJob, frames: int, straightener: Straightener) -> dict[str, Any]:
-    """The object that ``--json`` prints."""
+def to_json(job: VideoJob, frames: int, straightener: Straightener, failure: str) -> dict[str, Any]:
+    """The object that ``--json`` prints; ``failure`` says what the source lacks, if anything."""
     return {
         "format_version": 1,
         "written": [job.target],
-        "failed": {},
+        "failed": {job.source: failure} if failure else {},
         "frames": frames,
         "encoder": job.encoding.encoder,
         "pixel_format": job.encoding.pixel_format,

@@ -127,7 +127,8 @@ def frames(path: str, *, after: int | None = None) -> Iterator[Frame]:
     """The frames of the video ``path`` in order; only those later than ``after``, the time of one of them.
 
     Times rise strictly: a frame without one, or with one that is not later than the last, gets the next that fits.
-    Raises ImageError where the file is damaged or its frames change in size or format.
+    A file that is cut short just ends sooner: see :func:`pinholify.io.video.completeness.shortfall`. Raises ImageError
+    where the file is damaged or its frames change in size or format.
     """
     found = None if after is None else _sought(path, after)
     yield from found if found is not None else _later(path, after)
@@ -153,7 +154,7 @@ def _timed(path: str, sought: int | None) -> Iterator[Frame]:
             container.seek(sought, stream=stream)
         rate = stream.average_rate or stream.guessed_rate or Fraction(25)
         step, last, kind = max(round(1 / (rate * stream.time_base)), 1), None, None
-        for frame in container.decode(stream):
+        for frame in _decoded(container, stream):
             if kind not in (None, (frame.width, frame.height, frame.format.name)):
                 raise ImageError(f"'{path}' changes its size or format at {frame.time} s; cut it there first")
             kind = (frame.width, frame.height, frame.format.name)
@@ -165,3 +166,12 @@ def _timed(path: str, sought: int | None) -> Iterator[Frame]:
                 frame.pts = last + 1
             last = frame.pts
             yield frame
+
+
+def _decoded(container: Any, stream: Any) -> Iterator[Frame]:
+    for packet in container.demux(stream):
+        try:
+            yield from packet.decode()
+        except pyav().error.InvalidDataError:
+            if not packet.is_corrupt:  # else it is the last one of a file that is cut short
+                raise
