@@ -47,8 +47,15 @@ def decentred(xyz: Floats) -> Floats:
     return FOCAL * np.column_stack(bent) + [401.0, 297.0]
 
 
+def equisolid(xyz: Floats) -> Floats:
+    """The common fisheye: r = 2 sin(θ/2), 0.7 FOCAL px a radian. The tangent law comes near to it and is not it."""
+    rho = np.hypot(xyz[:, 0], xyz[:, 1]) + 1e-12
+    radius = 1.4 * FOCAL * np.sin(np.arctan2(rho, xyz[:, 2]) / 2.0)
+    return xyz[:, :2] * (radius / rho)[:, None] + [396.0, 303.0]
+
+
 LENSES: dict[str, Project] = {"pinhole": pinhole, "fisheye": fisheye, "wavy": wavy}
-PROJECTS = {**LENSES, "decentred": decentred}
+PROJECTS = {**LENSES, "decentred": decentred, "equisolid": equisolid}
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,15 @@ class Scene:
 
 
 def make_scene(
-    name: str, *, views: int = 14, noise: float = 0.1, seed: int = 0, bow: float = 0.0, stretch: float = 0.0
+    name: str,
+    *,
+    views: int = 14,
+    noise: float = 0.1,
+    seed: int = 0,
+    bow: float = 0.0,
+    stretch: float = 0.0,
+    shear: float = 0.0,
+    tilt: float = 35.0,
 ) -> Scene:
     rng = np.random.default_rng(seed)
     project = PROJECTS[name]
@@ -71,15 +86,15 @@ def make_scene(
     middle = points.mean(axis=0)
     xi = (points - middle)[:, :2] / middle[:2]
     shaped = points + np.column_stack(
-        [0 * xi[:, 0], stretch * (points - middle)[:, 1], bow * (1 - (xi**2).mean(axis=1))]
+        [shear * (points - middle)[:, 1], stretch * (points - middle)[:, 1], bow * (1 - (xi**2).mean(axis=1))]
     )
     rotations, translations, corners = [], [], []
     while len(corners) < views:
         first = not corners
-        angles = rng.normal(0, 3, 3) if first else np.append(rng.normal(0, 10), rng.uniform(-35, 35, 2))
+        angles = rng.normal(0, 3, 3) if first else np.append(rng.normal(0, 10), rng.uniform(-tilt, tilt, 2))
         rotation = Rotation.from_euler("zyx", angles, degrees=True).as_matrix()
         depth = 6.0 if first else rng.uniform(5.0, 11.0)
-        aim = np.zeros(2) if first else rng.uniform(-1.0, 1.0, 2) * (1.6 if name == "fisheye" else 0.7)
+        aim = np.zeros(2) if first else rng.uniform(-1.0, 1.0, 2) * (1.6 if name in ("fisheye", "equisolid") else 0.7)
         translation = depth * np.append(aim, 1.0) - rotation @ middle
         uv = project(shaped @ rotation.T + translation)
         if not ((uv > 3).all() and (uv < np.array(SIZE) - 4).all()):

@@ -339,3 +339,28 @@ def test_predicted_standard_deviations_are_those_of_new_noise() -> None:
     moved = np.einsum("nij,dnj->dni", to_px, np.array(rays) - np.mean(rays, axis=0))
     sampled = np.sqrt((moved**2).mean(axis=(0, 2)) * draws / (draws - 1))
     np.testing.assert_allclose(sampled / np.sqrt(np.mean(np.square(predicted), axis=0)), 1.0, atol=0.25)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4, 6, 8, 10])
+def test_error_bars_hold_where_the_boards_hardly_tell_two_lenses_apart(seed: int) -> None:
+    """Nearly parallel boards: by a nat or two the evidence prefers a law that is not the lens's, pixels off."""
+    scene = make_scene("equisolid", views=10, tilt=6.0, seed=seed)
+    result = refine(scene.corners, reference="view00")
+    promised = np.sqrt(2.0 * (result.camera.shape_std(grid(result)) ** 2).mean())
+    assert covered_error(scene, result) < 3.0 * promised
+
+
+@pytest.mark.parametrize("together", [0.0, 2.0])
+def test_boards_that_pull_apart_widen_the_error_bars(together: float) -> None:
+    """Each board sheared as a rolling shutter does, which no noise of single corners explains."""
+    scene = make_scene("pinhole", views=14)
+    rng = np.random.default_rng(5)
+    views = []
+    for view in scene.corners.views:
+        shear = together * rng.normal(size=2)
+        along = (view.uv[:, 1] - view.uv[:, 1].mean()) / SIZE[1]
+        views.append(replace(view, uv=view.uv + along[:, None] ** 2 * shear * 4.0))
+    result = refine(scene.corners.with_views(views), reference="view00")
+    promised = np.sqrt(2.0 * (result.camera.shape_std(grid(result)) ** 2).mean())
+    assert (result.disagreement > 1.0) == bool(together)
+    assert covered_error(scene, result) < 3.0 * promised

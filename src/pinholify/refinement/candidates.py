@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinholify.arrays import Bools, Floats
+from pinholify.arrays import Bools, Floats, Ints
 from pinholify.refinement.basis import SineBasis, no_basis, sine_basis
 from pinholify.refinement.evidence import (
     Fit,
@@ -45,6 +45,7 @@ ENDS_COST = np.log(1.25)  # nats a coordinate: a trend that ends within the imag
 WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
 WORTH = 3.0  # nats that the process must bring for its two parameters
 BROKEN = 2.0  # times the noise that a leader promised
+DOUBT = 3.0  # nats: of trends that the corners hardly tell apart the more general promises less
 CONTENDERS, WINDOW = 3, 15.0  # how many of the best get a closer look, and how many nats behind the best
 
 
@@ -90,6 +91,11 @@ class Candidate:
     def on(self) -> bool:
         """Whether it has the process."""
         return len(self.hyperparameters.kernel) > 0
+
+    @property
+    def generality(self) -> tuple[bool, int, int]:
+        """What makes one candidate more general than another: the process, the trend's order, its other parameters."""
+        return self.on, *_generality(self.trend)
 
     @property
     def name(self) -> str:
@@ -177,14 +183,19 @@ def solve(setting: Setting, search: Search, known: Solution, seen: Observations)
 
 
 def _without_process(
-    setting: Setting, solution: Solution, alone: Linearised, trends: Sequence[Trend], noise: float
+    setting: Setting,
+    solution: Solution,
+    alone: Linearised,
+    trends: Sequence[Trend],
+    noise: float,
+    doubt: float = 0.0,
 ) -> Candidate | None:
     """The best of ``trends`` that is one to one where there are corners, each at its own noise, from ``noise``."""
     removed = _removed(solution.model.trend, trends, alone)
     found = nested_noise(alone, ~removed, noise)
     best: Candidate | None = None
-    for i in np.argsort(-found.log_evidence):
-        if best is not None and best.score >= found.log_evidence[i]:
+    for i in _preferred(found.log_evidence, trends, doubt):
+        if best is not None and best.score >= found.log_evidence[i] - doubt:
             break
         fit = Fit(Hyperparameters(np.empty(0), float(found.noise[i])), float(found.log_evidence[i]))
         beta = found.theta[i][~removed[i]]
@@ -192,6 +203,20 @@ def _without_process(
         if candidate is not None and (best is None or candidate.score > best.score):
             best = candidate
     return best
+
+
+def _preferred(log_evidence: Floats, trends: Sequence[Trend], doubt: float) -> Ints:
+    """The order of choice (n,): by evidence, but of those within ``doubt`` of the best the most general first."""
+    doubtful = log_evidence >= log_evidence.max() - doubt
+    order, count = (
+        np.where(doubtful, values, 0) for values in np.array([_generality(trend) for trend in trends]).T
+    )
+    return np.lexsort((-log_evidence, -count, -order, ~doubtful))
+
+
+def _generality(trend: Trend) -> tuple[int, int]:
+    """The order of its radial law, of which a wrong one costs most, and the number of its parameters."""
+    return trend.order, len(trend.prior_std)
 
 
 def _removed(general: Trend, trends: Sequence[Trend], problem: Linearised) -> Bools:
@@ -271,13 +296,14 @@ def _best_at(
     trends: Sequence[Trend],
     start: Hyperparameters,
     needed: float = -np.inf,
+    doubt: float = 0.0,
 ) -> Candidate | None:
     """The best of ``trends`` within ``whole`` at the hyperparameters ``start``, with its own; the process is on."""
     general, first = solution.model.trend, 2 * len(whole.frequencies)
     removed = _removed(general, trends, whole)
     averaged = process_averaged(whole, setting.density, start)
     found = nested(averaged, ~removed[:, first:], np.full(len(trends), start.noise))
-    for i in np.argsort(-found.log_evidence):
+    for i in _preferred(found.log_evidence, trends, doubt):
         problem = whole.without(removed[i])
         fit = _fitted(setting, problem, start, needed)
         precision = fit.hyperparameters.precision(setting.density, problem.frequencies, problem.precision)
@@ -321,8 +347,19 @@ def contest(
             break
         if (around := leader.trend.around()) not in looks:
             looks[around] = _closer(setting, leader, orders, seen)
-    finalists = sorted((found for found in looks.values() if found), key=lambda candidate: -candidate.score)
+    finalists = _by_doubt([found for found in looks.values() if found])
     return [_retested(setting, finalists[0], seen), *finalists[1:]] if finalists else []
+
+
+def _by_doubt(finalists: list[Candidate]) -> list[Candidate]:
+    """Best first; of those that the evidence hardly tells from the best the most general before it.
+
+    Trends that fit alike may be pixels apart where no two boards tell, and each one's error bars know only itself.
+    """
+    limit = max((candidate.score for candidate in finalists), default=0.0) - DOUBT
+    by_score = sorted(finalists, key=lambda candidate: -candidate.score)
+    doubtful = [candidate for candidate in by_score if candidate.score >= limit]
+    return sorted(doubtful, key=lambda candidate: candidate.generality, reverse=True) + by_score[len(doubtful) :]
 
 
 def _retested(setting: Setting, best: Candidate, seen: Observations) -> Candidate:
@@ -345,9 +382,9 @@ def _closer(
     trends = [trend for trend in search.within if trend.order in orders]
     basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if leader.on else no_basis(setting.half_size)
     whole = linearise_with(setting, solution, basis, seen)
-    found = [_without_process(setting, solution, whole.without_process(), trends, leader.hyperparameters.noise)]
+    found = [_without_process(setting, solution, whole.without_process(), trends, leader.hyperparameters.noise, DOUBT)]
     if leader.on:
-        found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters))
-    best = max(filter(None, found), key=lambda candidate: candidate.score, default=None)
+        found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters, doubt=DOUBT))
+    best = next(iter(_by_doubt([candidate for candidate in found if candidate])), None)
     holds = best is not None and best.hyperparameters.noise < BROKEN * leader.hyperparameters.noise
     return best if holds else None
