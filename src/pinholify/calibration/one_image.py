@@ -147,8 +147,6 @@ def check_handedness(fitted: FittedMap, view: Corners, mirrored: bool) -> None:
 def _boards_beside_reference(
     corner_set: CornerSet, view: Corners, fitted: FittedMap, hull: ConvexRegion
 ) -> list[MappedBoard]:
-    reference_first = sorted(corner_set.views, key=lambda each: each.name != view.name)  # what repeats it yields
-    corner_set = corner_set.with_views(reference_first)
     inside: list[Bools] = [hull.contains(v.uv) for v in corner_set.views]
     mapped = map_boards(corner_set, fitted.map, inside)
     others = [b for b in mapped if b.used and b.name != view.name]
