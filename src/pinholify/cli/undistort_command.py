@@ -62,10 +62,10 @@ def command(
     """Straighten IMAGES (files, folders or URLs) of CAMERA into a folder, as PNG or for a JPEG as JPEG; or one video.
 
     What the camera does not know is black, and clear where an image has alpha. It knows the part of the image where
-    the standard deviation of its map is within its own limit, or --max-std; without a limit of its own, as when it
-    was made of one photograph, the part its corners cover. An image that fails is reported and the rest are done; the
-    exit status is then 1. A video keeps its frames' times and depth, its colours and its sound; when it is stopped,
-    the same command goes on from there. --json tells the view's K and rotation.
+    the standard deviation of its map is within its own limit, or --max-std. One of a single photograph knows the part
+    that its corners cover, an imported one where its formula holds. An image that fails is reported and the rest are
+    done; the exit status is then 1. A video keeps its frames' times and depth, its colours and its sound; when it is
+    stopped, the same command goes on from there. --json tells the view's K and rotation.
     """
     from pinholify.batch.run import straighten_images
     from pinholify.io.places import image_places

@@ -102,7 +102,7 @@ OPTIONS = (
     click.option(
         "--max-std",
         type=click.FloatRange(min=0, min_open=True),
-        help="Known is what the camera is sure of to this many px, instead of its own limit.",
+        help="Show where the map is known to this many px, instead of to the camera's own limit.",
     ),
 )
 
