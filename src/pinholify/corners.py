@@ -44,6 +44,10 @@ class Corners:
         object.__setattr__(self, "uv", uv)
         object.__setattr__(self, "weights", frozen(weights, (len(ids),)))
 
+    def __repr__(self) -> str:
+        """The name, and how many corners there are or why there are none."""
+        return f"<{self.name}: {len(self)} corners>" if self.found else f"<{self.name}: {self.reason or 'no board'}>"
+
     @property
     def found(self) -> bool:
         """Whether the image shows a board."""
@@ -111,6 +115,15 @@ class CornerSet:
             if view.name in names:
                 raise InputError(f"two images are called '{view.name}': names must differ")
             names.add(view.name)
+
+    def __repr__(self) -> str:
+        """What there is, in numbers."""
+        width, height = self.image_size
+        count = sum(map(len, self.views))
+        return (
+            f"<{self.board.spec} boards in {len(self.found)} of {len(self.views)} images of {width}x{height}, "
+            f"{count} corners>"
+        )
 
     @property
     def found(self) -> tuple[Corners, ...]:

@@ -12,6 +12,9 @@ from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
 from pinholify.corners import CornerSet
 
+IMPORTED = "imported"
+"""The method of a calibration that is another program's."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
@@ -39,6 +42,23 @@ class Calibration:
         object.__setattr__(self, "intrinsics_std", frozen(self.intrinsics_std, (3,)))
         points = flat(board_lattice(self.corner_set.board)) if self.board_points is None else self.board_points
         object.__setattr__(self, "board_points", frozen(points, (None, 3)))
+
+    def __repr__(self) -> str:
+        """What a person wants to see of it: the data are in its fields."""
+        k, spread = self.camera.intrinsics, self.intrinsics_std
+        lengths = ", ".join(
+            f"{name} {value:.5g}" + (f" ± {std:.2g}" if np.isfinite(std) else "")
+            for name, value, std in zip(("f", "uc", "vc"), (k.f, k.uc, k.vc), spread, strict=True)
+        )
+        noise = f", noise {self.camera.noise_px:.3f} px" if np.isfinite(self.camera.noise_px) else ""
+        width, height = self.camera.image_size
+        made_of = repr(self.corner_set) if self.corner_set.views else f"images of {width}x{height}"
+        return f"<{self.method} calibration from '{self.reference}': {lengths} {self.unit}{noise}; {made_of}>"
+
+    @property
+    def unit(self) -> str:
+        """The unit of f, uc, vc and the virtual plane, which of another program's camera is its ideal image, in px."""
+        return "px" if self.method == IMPORTED else "squares"
 
     def solid(self, lattice: Floats) -> Floats:
         """The board's points (n, 3) in squares for lattice coordinates ``lattice`` (n, 2)."""

@@ -35,6 +35,7 @@ def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
         "method": calibration.method,
         "kernel": calibration.kernel,
         "trend": calibration.trend,
+        "unit": calibration.unit,
         "f": k.f,
         "uc": k.uc,
         "vc": k.vc,
@@ -125,7 +126,7 @@ def _facts(evaluation: Evaluation) -> list[tuple[str, str]]:
     lengths = zip(("f", "uc", "vc"), (k.f, k.uc, k.vc), calibration.intrinsics_std, strict=True)
     facts = [("trend", f"{calibration.trend}, kernel {calibration.kernel}")]
     facts += [
-        (name, f"{value:.5f}{_spread(std)} squares{_millimetres(value, calibration.square_mm)}")
+        (name, f"{value:.5f}{_spread(std)} {calibration.unit}{_in_millimetres(value, calibration)}")
         for name, value, std in lengths
     ]
     if np.isfinite(calibration.camera.noise_px):
@@ -155,7 +156,8 @@ def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
     if isinstance(bow, float):
         facts.append(("board's bow", f"{bow:.4f} squares{_millimetres(bow, calibration.square_mm)}"))
     if isinstance(stretch, float):
-        facts.append(("its print", f"{stretch:+.3%} longer along y than along x"))
+        lean = calibration.details.get("board_shear") or 0.0
+        facts.append(("its print", f"{stretch:+.3%} longer along y than along x, leaning by {lean:+.3%}"))
     return facts
 
 
@@ -170,6 +172,11 @@ def _set_aside(evaluation: Evaluation) -> list[str]:
 def _renumbered(evaluation: Evaluation) -> list[str]:
     """Boards whose corners were numbered anew."""
     return [f"{b.file} was {b.note}" for b in evaluation.boards if b.note]
+
+
+def _in_millimetres(length: float, calibration: Calibration) -> str:
+    """``length`` of the virtual plane in mm, where its unit is the board's square."""
+    return _millimetres(length, calibration.square_mm) if calibration.unit == "squares" else ""
 
 
 def _millimetres(squares: float, square_mm: float | None) -> str:

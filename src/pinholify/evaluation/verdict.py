@@ -219,6 +219,8 @@ def _held_out(evaluation: Evaluation) -> str:
         return f"its own photographs are off by {evaluation.pooled.re_px:.2f} px (a held-out error was not asked for)"
     if evaluation.heldout_px is None:
         return f"no held-out error is known ({evaluation.heldout_reason})"
+    if _imported(evaluation):  # its file does not tell what it was made of
+        return f"these photographs, which it may have seen or not, are off by {evaluation.heldout_px:.2f} px"
     return f"photographs it has not seen are off by {evaluation.heldout_px:.2f} px"
 
 

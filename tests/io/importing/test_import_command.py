@@ -80,7 +80,7 @@ def test_theirs_is_compared_with_ours_and_scored_on_boards(run, tmp_path):
     model = {"lensmodel": "LENSMODEL_OPENCV4", "intrinsics": numbers, "imagersize": [640, 480]}
     (tmp_path / "true.cameramodel").write_text(repr(model))
     write_camera(tmp_path / "ours.npz", tilted_calibration())
-    assert run("import", "true.cameramodel", "-o", "theirs.npz", "--board", "9x6")[0] == 0
+    assert run("import", "true.cameramodel", "-o", "theirs.npz", "--board", "9x6", "--square", "25mm")[0] == 0
     data = json.loads(run("compare", "ours.npz", "theirs.npz", "--json")[1])
     assert data["rms_px"] < 0.5
     assert data["rms_px"] < 4.0 * data["expected_rms_px"]
@@ -88,10 +88,14 @@ def test_theirs_is_compared_with_ours_and_scored_on_boards(run, tmp_path):
     write_corner_table(tmp_path / "boards.vnl", corner_set(poses))
     status, out, _ = run("evaluate", "theirs.npz", "--corners", "boards.vnl", "--no-opencv", "--json")
     assert status == 0
+    assert json.loads(out)["unit"] == "px"  # the virtual plane is an ideal image and no board
     assert json.loads(out)["heldout_px"] == pytest.approx(0.05 * np.sqrt(2.0), rel=0.1)
     _, out, _ = run("evaluate", "theirs.npz", "--corners", "boards.vnl")
     assert "imported camera from true.cameramodel: 4 of 4 boards count" in out
-    assert "Good: photographs it has not seen are off by 0.07 px, how well f is known is" in out
+    assert "  f            420.00000 px\n" in out
+    assert " mm" not in out
+    words = " ".join(out.split())  # what it was made of is in no file of theirs
+    assert "Good: these photographs, which it may have seen or not, are off by 0.07 px, how well f is known is" in words
 
 
 def test_a_camera_without_a_board_is_not_scored(run):

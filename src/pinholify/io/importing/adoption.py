@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from pinholify.arrays import Bools, Floats
 from pinholify.board import Board, Checkerboard
-from pinholify.calibration.result import Calibration
+from pinholify.calibration.result import IMPORTED, Calibration
 from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import AngleChart, Intrinsics, angles_to_directions
 from pinholify.corners import CornerSet
@@ -23,7 +23,6 @@ from pinholify.gp.maps import newton_inverse
 from pinholify.io.importing.base import ForeignCamera
 from pinholify.splines import SplineMap, SplineSurface, fitted, worst_places
 
-METHOD = "imported"
 TOLERANCE = 1e-3  # px between their camera and ours at which a finer spline is not tried
 WORST = 0.05
 """px of error beyond which a spline does not repeat their camera: where it folds or ends soon."""
@@ -94,7 +93,7 @@ def _calibration(
     return Calibration(
         camera,
         CornerSet(board or UNKNOWN_BOARD, theirs.image_size),
-        method=METHOD,
+        method=IMPORTED,
         kernel="spline",
         trend=theirs.model,
         reference=theirs.source,
