@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 
 import pinholify
+from pinholify import points
 from pinholify.board import Checkerboard
+from pinholify.corners import not_found
 from pinholify.io.images import write_image
 from pinholify.simulation.datasets import Dataset
 from pinholify.simulation.lenses import BrownConrady
 from pinholify.simulation.photograph import Sensor
+from tilted import tilted_calibration
 
 LENS = BrownConrady((640, 480), (420.0, 420.0), (6.0, -4.0), (-0.18, 0.03, 0.0))
 SMALL = Dataset("small", "A small camera", LENS, Checkerboard(15, 9), 3, Sensor(read_noise=1.0), 11, {})
@@ -73,3 +76,20 @@ def test_example_of_the_docstring(tmp_path, monkeypatch):
     assert isinstance(straight, np.ndarray)
     assert straight.shape[:2] == (480, 640)
     assert straight.std() > 20
+
+
+def test_what_is_printed_of_results_is_for_people():
+    """In a REPL no one wants thousands of lines of arrays."""
+    calibration = tilted_calibration()
+    assert repr(calibration).startswith("<one-image calibration from '")
+    assert " ± " in repr(calibration)
+    assert " squares, noise 0.0" in repr(calibration)
+    assert repr(calibration.corner_set) in repr(calibration)
+    assert repr(calibration.corner_set.found[0]).endswith(": 54 corners>")
+    assert repr(not_found("a.jpg", "no board found")) == "<a.jpg: no board found>"
+    assert len(repr(calibration)) < 200
+
+
+def test_points_shows_its_functions_alone():
+    assert dir(points) == sorted(points.__all__)
+    assert all(getattr(points, name).__module__ == "pinholify.points" for name in dir(points))

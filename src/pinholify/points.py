@@ -28,12 +28,29 @@ from pinholify.errors import InputError
 from pinholify.geometry import Pose, homogeneous
 from pinholify.tables import BLOCK, PointMap, PointTable, point_table
 
+__all__ = [
+    "distort_points",
+    "distort_points_jacobian",
+    "pixel_rays",
+    "pixel_rays_jacobian",
+    "project_points",
+    "project_points_jacobian",
+    "solve_pnp",
+    "undistort_points",
+    "undistort_points_jacobian",
+    "undistortion_table",
+]
+
 FEWEST_POINTS = 4
 MANY = 20_000
 TOLERANCE = 5e-4  # px
 TABLES = 8  # kept of each kind
 SAMPLES = 12  # along each side of the image, to see which directions it holds
 WIDEST = np.cos(np.deg2rad(80.0))  # from the mean ray; beyond, a plane across it is no place for a first guess
+
+
+def __dir__() -> list[str]:
+    return __all__
 
 
 def undistort_points(

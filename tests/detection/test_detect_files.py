@@ -8,7 +8,7 @@ import pytest
 from pinholify.board import Checkerboard
 from pinholify.detection import detect_files, files
 from pinholify.detection.files import unique_names
-from pinholify.errors import BoardError, ImageError
+from pinholify.errors import BoardError, ImageError, InputError
 from pinholify.io.images import write_image
 
 BOARD = Checkerboard(8, 6)
@@ -41,6 +41,14 @@ def test_without_a_readable_file_there_is_nothing_to_return(folder: Path):
         detect_files([folder / "broken.jpg"], BOARD)
     with pytest.raises(ImageError, match="no images"):
         detect_files([], BOARD)
+
+
+def test_a_path_is_no_list_and_a_text_no_board(folder: Path):
+    for path in ("a.jpg", folder / "a.jpg"):
+        with pytest.raises(InputError, match=r"one path was given where several are needed.* \['.*a.jpg'\]"):
+            detect_files(path, BOARD)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"the board is given as a text; give pinholify.parse_board\('8x6'\)"):
+        detect_files([folder / "a.jpg"], "8x6")  # type: ignore[arg-type]
 
 
 def test_images_of_two_sizes_are_refused_by_name(folder: Path):

@@ -16,7 +16,7 @@ from pinholify.corners import Corners, CornerSet, not_found
 from pinholify.detection.detect import detect_board, detect_size
 from pinholify.detection.placement import LARGER
 from pinholify.detection.second_look import look_again
-from pinholify.errors import BoardError, ImageError
+from pinholify.errors import BoardError, ImageError, InputError
 from pinholify.io.images import read_image
 from pinholify.io.processes import DIED, in_processes
 
@@ -48,8 +48,9 @@ def detect_files(
     ``on_result`` is called with each image's corners as they arrive, in order. A file that cannot be read is a view
     without corners and a reason, and so is one that ends the process that works on it. Raises ImageError where no file
     can be read, where files differ in size, and where one file is named twice, BoardError where the images show a
-    larger board.
+    larger board, InputError for a single path and for a board that is a text.
     """
+    _check_arguments(paths, board)
     if not paths:
         raise ImageError("no images were given; give image files or a folder of images")
     files = [Path(path) for path in paths]
@@ -63,6 +64,14 @@ def detect_files(
     views = tuple(result.corners for result in seen)
     _check_size_of_board(views, board)
     return CornerSet(board, _common_size(seen), views)
+
+
+def _check_arguments(paths: object, board: object) -> None:
+    """Raise InputError for what Python would take apart letter by letter, or only stumble over later."""
+    if isinstance(paths, str | os.PathLike):
+        raise InputError(f"one path was given where several are needed; give a list: ['{os.fspath(paths)}']")
+    if isinstance(board, str):
+        raise InputError(f"the board is given as a text; give pinholify.parse_board('{board}')")
 
 
 def look_again_in_files(
