@@ -7,7 +7,8 @@ from pinholify.errors import ImageError, InputError
 from pinholify.expansion import expand
 from pinholify.rectification.maps import rectification_map
 from pinholify.rectification.straightener import Straightener
-from pinholify.rectification.views import named_view
+from pinholify.rectification.trust import believable, source_mask
+from pinholify.rectification.views import named_view, share_outside
 from synthetic import FOCAL, SIZE, TRUE_F, project
 
 SQUEEZE = 0.15
@@ -38,6 +39,20 @@ def test_what_may_not_be_believed_is_black(barrel_calibration):
     out = straighten(np.full((SIZE[1], SIZE[0]), 200, np.uint8))
     assert 0.02 < (~valid).mean() < 0.5
     np.testing.assert_array_equal(out > 0, valid)
+
+
+@pytest.mark.parametrize("name", ["camera", "board"])
+def test_all_that_is_known_and_the_corners_that_told_it_lie_in_the_view(barrel_calibration, name):
+    camera = barrel_calibration.camera
+    view = named_view(camera, name, None, None)
+    used = np.concatenate([v.uv for v in barrel_calibration.corner_set.found])
+    known = np.argwhere(source_mask(camera, None))[::97, ::-1].astype(float)
+    for uv in (used[believable(camera, used, None)], known):
+        seen = view.project(camera.to_rays(uv).directions)
+        assert len(seen) > 100
+        assert (seen >= -0.5).all()
+        assert (seen <= np.array(SIZE) - 0.5).all()
+    assert share_outside(camera, view, None) == 0.0
 
 
 def test_an_expansion_goes_around_what_has_no_answer():
