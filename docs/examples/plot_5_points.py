@@ -31,7 +31,8 @@ for i, pose in enumerate(poses):
     noise = rng.normal(0.0, 0.05, uv.shape)
     views.append(pinholify.Corners(f"view-{i}", np.arange(len(uv)), uv + noise))
 train = pinholify.CornerSet(board, lens.size, tuple(views[:8]))
-camera = pinholify.calibrate(train, reference="view-0", trend="angle:2").camera
+calibration = pinholify.calibrate(train, reference="view-0", trend="angle:2")
+camera = calibration.camera
 
 # %%
 # Pixels become ideal points, in px of any pinhole view, and come back.
@@ -65,7 +66,7 @@ assert difference < 0.05
 # %%
 # A pose: where the ninth board, which the calibration has not seen, stands.
 
-points = np.column_stack([views[8].lattice(board), np.zeros(len(views[8]))])
+points = calibration.board_points[views[8].ids]
 _, rvec, tvec = solve_pnp(points, views[8].uv, camera)
 again, _ = project_points(points, rvec, tvec, camera)
 rms = np.sqrt(np.mean((again - views[8].uv) ** 2))

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pinholify.cli.report import print_evaluation
 from pinholify.evaluation.shared_error import SharedError
 from pinholify.evaluation.summary import evaluate
 from pinholify.evaluation.verdict import judge
@@ -292,3 +293,16 @@ def test_what_boards_disagree_on_and_what_they_share_is_told(evaluation, verdict
     assert "Its boards disagree 3.9 times as much as their corners' noise" in paragraphs(told, "intrinsics")
     assert "0.12 px is the same at each corner of the board" in paragraphs(told, "residuals")
     assert "(p = below 0.0001): is the board flat" in paragraphs(told, "residuals")
+
+
+def test_whose_board_is_flat_is_told_where_it_matters(evaluation, verdict, report, capsys):
+    details = {"board_bow_squares": 0.02, "board_stretch": 0.004}
+    bent = dataclasses.replace(
+        evaluation, calibration=dataclasses.replace(evaluation.calibration, details=details)
+    )
+    alone = dataclasses.replace(bent, opencv={})
+    for scored, said in ((evaluation, False), (alone, False), (bent, True)):
+        print_evaluation(scored, verdict)
+        assert ("OpenCV's models with a flat board" in capsys.readouterr().out) is said
+        told = make_report(scored, verdict, report.provenance)
+        assert ("OpenCV's models with a flat board" in paragraphs(told, "comparison")) is said

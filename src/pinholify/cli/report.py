@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # slow to load, and --json prints no table
 
 ASIDE_SHOWN = 8
 WIDTH = 78
+SHAPES = "pinholify is scored with the board's shape that it found, OpenCV's models with a flat board"
 
 
 def _wrong(evaluation: Evaluation) -> dict[str, Any]:
@@ -112,6 +113,8 @@ def print_evaluation(evaluation: Evaluation, verdict: Verdict) -> None:
     for name, value in _facts(evaluation):
         console.print(f"  {name:12s} {value}")
     console.print(_comparison(evaluation))
+    if evaluation.opencv and _board_shape(calibration):
+        console.print(f"  {SHAPES}")
     if evaluation.heldout_px is None and evaluation.heldout_reason:
         console.print(f"  no held-out error: {escape(evaluation.heldout_reason)}")
     console.print(f"[bold]{escape(textwrap.fill(verdict.sentence, WIDTH))}[/]")

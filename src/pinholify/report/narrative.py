@@ -317,6 +317,10 @@ def _comparison(report: Report) -> Section:
     ]
     header = ("model", "held out, px", "in sample, px", "in sample, % of a square")
     table = Table("Errors, root mean square a point", header, tuple((a, b, c, d) for a, b, c, d in rows))
+    shapes = (
+        "This camera is scored with the board's shape that it found in the same solve, OpenCV's models with a flat "
+        "board, as they know no other: a part of the difference may be the board's.",
+    ) * bool(compared.models and _board_shape(report))
     none = (f"There is no held-out error: {compared.heldout_reason}.",) if compared.heldout_px is None else ()
     folds = (f"Over five folds: {px(compared.kfold_px)}.",) if compared.kfold_px is not None else ()
     caption = (
@@ -324,7 +328,7 @@ def _comparison(report: Report) -> Section:
         "to that line."
     )
     shown = caption if compared.heldout_px is not None and compared.models else ""
-    return Section("comparison", "Beside OpenCV's models", (text, *none, *folds), (table,), shown)
+    return Section("comparison", "Beside OpenCV's models", (text, *shapes, *none, *folds), (table,), shown)
 
 
 def model_name(name: str) -> str:
