@@ -52,6 +52,9 @@ def test_the_text_is_plain():
         ('"x", "y", "z"\n1,2,3\n', [[1, 2, 3]]),
         ("x,y,name\n1,2,left\n3,4,right\n", [[1, 2], [3, 4]]),
         ("u,v\n1,2\n3,4,5\n", [[1, 2], [3, 4]]),
+        ("id,x,y,z\na,1,2,3\n", [[1, 2, 3]]),
+        ("u,v,x,y\n9,9,1,2\n", [[1, 2]]),
+        ("a,b,u\n1,2,3\n", [[1, 2]]),
         ("u,v\nnan,nan\nNaN,2\n", [[np.nan, np.nan], [np.nan, 2]]),
         ("u,v\n", np.empty((0, 2))),
     ],
@@ -110,3 +113,25 @@ def test_a_header_that_does_not_fit_writes_nothing(tmp_path):
     with pytest.raises(ValueError, match="shape"):
         write_points(tmp_path / "p.csv", ["u", "v"], np.zeros((4, 3)))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["id,u,v\n7,1,2\n8,3,4\n", "v,name,u\n2,a,1\n4,b,3\n", "x,y,u,v\n9,9,1,2\n9,9,3,4\n", "n,y,x\n9,2,1\n9,4,3\n"],
+)
+def test_pixels_are_found_by_name(text):
+    np.testing.assert_array_equal(read(text, dimensions=2), [[1, 2], [3, 4]])
+
+
+def test_columns_that_are_left_out_are_told():
+    told = []
+    read("id,u,v,name\n7,1,2,a\n", dimensions=2, on_unused=told.append)
+    read("u,v\n1,2\n", dimensions=2, on_unused=told.append)
+    assert told == [["id", "name"]]
+
+
+def test_a_wrong_number_is_blamed_in_its_own_column():
+    with pytest.raises(InputError, match="line 3: 'x' was found where a finite number or nan is needed"):
+        read("id,u,v\nx,1,2\n8,x,4\n", dimensions=2)
+    with pytest.raises(InputError, match="line 2: 2 numbers were found where 3 are needed"):
+        read("id,u,v\n1,2\n", dimensions=2)

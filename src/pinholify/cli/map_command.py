@@ -31,7 +31,8 @@ def command(camera: Path, points: str, target: str, output: str, force: bool) ->
     """Map POINTS, a CSV file with a header line (- is standard input), through CAMERA.
 
     To virtual or rays: columns u,v in px. To image: columns x,y in squares of the virtual plane, or x,y,z of rays.
-    Standard deviations come with every answer; what does not exist is nan.
+    Columns of these names may stand anywhere among others, which are left out; rows keep their order. Standard
+    deviations come with every answer; what does not exist is nan.
     """
     import numpy as np
 
@@ -41,7 +42,8 @@ def command(camera: Path, points: str, target: str, output: str, force: bool) ->
     if output != "-":
         check_output(Path(output), force=force, is_ours=is_answer, inputs=(camera, points))
     virtual_camera = read_camera(camera).camera
-    rows = read_points(sys.stdin if points == "-" else points, dimensions=None if target == "image" else 2)
+    dimensions = None if target == "image" else 2
+    rows = read_points(sys.stdin if points == "-" else points, dimensions=dimensions, on_unused=say_unused)
     answer = np.full((len(rows), 4), np.nan)
     known = np.isfinite(rows).all(axis=1)
     answer[known] = mapped(virtual_camera, rows[known], target)
@@ -51,6 +53,13 @@ def command(camera: Path, points: str, target: str, output: str, force: bool) ->
     missing = int(np.isnan(answer[:, :2]).any(axis=1).sum())
     if missing:
         say(f"{missing} of {len(answer)} points have no answer (nan)")
+
+
+def say_unused(names: list[str]) -> None:
+    """Tell which columns are not in the answer; that of an earlier answer's standard deviations goes without saying."""
+    others = [name for name in names if not name.startswith("std_")]
+    if others:
+        say(f"note: left out: {', '.join(others)}; rows keep their number and order")
 
 
 def mapped(camera: VirtualCamera, rows: Floats, target: str) -> Floats:

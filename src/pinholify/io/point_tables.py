@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,21 +14,35 @@ from pinholify.io.files import TextFile, reading_text, source_name, writing_text
 
 _CHUNK = 10_000
 
+_PIXEL, _PLANE, _RAY = ["u", "v"], ["x", "y"], ["x", "y", "z"]
+"""What the columns of points are called, wherever they stand."""
 
-def read_points(source: TextFile, *, dimensions: int | None = None) -> Floats:
-    """The first ``dimensions`` columns of the table ``source``, a path or an open text stream.
+
+def read_points(
+    source: TextFile, *, dimensions: int | None = None, on_unused: Callable[[list[str]], object] | None = None
+) -> Floats:
+    """The points, of ``dimensions`` numbers, in the table ``source``, a path or an open text stream.
 
     The first line is a header; every other line is one point, so that rows keep their number and order.
-    Without ``dimensions`` there are three where the third column is called ``z``, else two. Returns (N, 2)
-    or (N, 3) float64; ``nan`` stands for a point that does not exist. Raises InputError with the line number.
+    Columns are those called x, y (and z), or of pixels u and v, wherever they stand, else the first ones.
+    Without ``dimensions`` there are three where x, y and z are named, or the third column is called ``z``,
+    else two, and none of pixels.
+    ``on_unused`` is called with the names of other columns, if there are any. Returns (N, 2) or (N, 3)
+    float64; ``nan`` stands for a point that does not exist. Raises InputError with the line number.
     """
     name = source_name(source)
     with reading_text(source) as stream:
         lines = stream.readlines()
     while lines and not lines[-1].strip():
         del lines[-1]
-    columns = dimensions or _dimensions(lines)
-    _check_header(name, lines, columns)
+    names = [field.strip(' "\n') for field in lines[0].split(",")] if lines else []
+    count = dimensions or _dimensions(names)
+    _check_header(name, lines, count)
+    named = {2: (_PIXEL, _PLANE), 3: (_RAY,), None: (_RAY, _PLANE)}[dimensions]
+    columns = _chosen(names, count, [wanted for wanted in named if len(wanted) == count])
+    unused = [field for index, field in enumerate(names) if index not in columns]
+    if unused and on_unused is not None:
+        on_unused(unused)
     return _points(name, lines[1:], columns)
 
 
@@ -49,9 +63,16 @@ def write_points(target: TextFile, header: Sequence[str], columns: ArrayLike) ->
             stream.write(line * len(chunk) % tuple(chunk.ravel().tolist()))
 
 
-def _dimensions(lines: list[str]) -> int:
-    names = [name.strip(' "\n') for name in lines[0].split(",")] if lines else []
-    return 3 if names[2:3] == ["z"] else 2
+def _dimensions(names: list[str]) -> int:
+    return 3 if names[2:3] == ["z"] or {"x", "y", "z"} <= set(names) else 2
+
+
+def _chosen(names: list[str], count: int, named: list[list[str]]) -> list[int]:
+    """Which columns hold the points: the first that are ``named`` so."""
+    for wanted in named:
+        if all(names.count(name) == 1 for name in wanted):
+            return [names.index(name) for name in wanted]
+    return list(range(count))
 
 
 def _check_header(name: str, lines: list[str], columns: int) -> None:
@@ -68,20 +89,20 @@ def _check_header(name: str, lines: list[str], columns: int) -> None:
         )
 
 
-def _points(name: str, lines: list[str], columns: int) -> Floats:
+def _points(name: str, lines: list[str], columns: list[int]) -> Floats:
     """Reads with numpy's own reader; only where it fails, looks for the line to blame."""
     if not lines:
-        return np.empty((0, columns))
+        return np.empty((0, len(columns)))
     try:
-        points = np.loadtxt(lines, delimiter=",", usecols=range(columns), comments=None, ndmin=2)
+        points = np.loadtxt(lines, delimiter=",", usecols=columns, comments=None, ndmin=2)
     except ValueError:
-        points = np.empty((0, columns))
+        points = np.empty((0, len(columns)))
     if len(points) != len(lines) or np.isinf(points).any():
         raise _blame(name, lines, columns)
     return points
 
 
-def _blame(name: str, lines: list[str], columns: int) -> InputError:
+def _blame(name: str, lines: list[str], columns: list[int]) -> InputError:
     """The error that names the first of ``lines``, the header left out, that is no point."""
     for number, line in enumerate(lines, start=2):
         problem = _problem(line, columns)
@@ -90,11 +111,12 @@ def _blame(name: str, lines: list[str], columns: int) -> InputError:
     return InputError(f"'{name}' is no table of numbers separated by commas; write it as plain CSV")
 
 
-def _problem(line: str, columns: int) -> str:
+def _problem(line: str, columns: list[int]) -> str:
     fields = line.split(",") if line.strip() else []
-    if len(fields) < columns:
-        return f"{len(fields)} numbers were found where {columns} are needed, separated by commas"
-    wrong = next((field.strip() for field in fields[:columns] if not _is_number(field)), None)
+    needed = max(columns) + 1
+    if len(fields) < needed:
+        return f"{len(fields)} numbers were found where {needed} are needed, separated by commas"
+    wrong = next((fields[i].strip() for i in columns if not _is_number(fields[i])), None)
     return "" if wrong is None else f"'{wrong[:40]}' was found where a finite number or nan is needed"
 
 
