@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pinholify.errors import CalibrationError
 from pinholify.gp.fitting import fit_map
 from pinholify.gp.kernels import KERNELS
 
@@ -108,3 +109,20 @@ def test_the_predicted_uncertainty_is_the_sampled_one(trend, bumps):
         squared.append(((plane_map.value(uv) - at) ** 2).mean())
         predicted.append(np.trace(plane_map.covariance(uv), axis1=1, axis2=2).mean() / 2)
     assert np.sqrt(np.mean(predicted) / np.mean(squared)) == pytest.approx(1.0, rel=0.2)
+
+
+def test_a_map_that_only_knows_its_corners_by_heart_is_none():
+    rng = np.random.default_rng(0)
+    xy = np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), axis=-1).reshape(-1, 2)
+    with pytest.raises(CalibrationError, match="no map of trend 'constant' fits the 54 corners"):
+        fit_map(rng.uniform(0.0, 1000.0, xy.shape), xy, trend="constant")
+
+
+def test_a_wide_lens_on_few_corners_is_fitted_though_the_constant_mean_is_not():
+    xy = np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), axis=-1).reshape(-1, 2)
+    x, y = (xy - [4.0, 2.5]).T
+    radius = np.hypot(x, y)
+    uv = 560.0 * np.column_stack([x, y]) * (np.arctan2(radius, 1.3) / radius)[:, None] + [800.0, 600.0]
+    found = fit_map(uv + np.random.default_rng(0).normal(0.0, 0.1, uv.shape), xy)
+    assert "constant" not in dict(found.candidates)
+    assert found.noise < 0.3

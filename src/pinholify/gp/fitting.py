@@ -55,7 +55,7 @@ def fit_map(
     build = kernel_named(kernel)
     fits = []
     if trend in ("constant", "auto"):
-        fits.append(_fit_constant(uv, xy, build, kernel, scale))
+        fits.extend(_fit_constant(uv, xy, build, kernel, scale))
     if trend != "constant":
         fits.extend(_fit_trends(uv, xy, build, kernel, trends_named(trend), scale))
     if not fits:
@@ -71,7 +71,8 @@ def fit_map(
 # --- the paper's: constant mean, two independent GPs ------------------------------------------------------------
 
 
-def _fit_constant(uv: Floats, xy: Floats, kernel: Kernel, name: str, relative_noise: Floats) -> FittedMap:
+def _fit_constant(uv: Floats, xy: Floats, kernel: Kernel, name: str, relative_noise: Floats) -> list[FittedMap]:
+    """The map alone, or nothing where it is not one to one at the corners, having learnt each of them by heart."""
     inputs, outputs = scaling_of(uv), scaling_of(xy)
     x, y = inputs.normalise(uv), outputs.normalise(xy)
     mean = y.mean(axis=0)
@@ -82,10 +83,13 @@ def _fit_constant(uv: Floats, xy: Floats, kernel: Kernel, name: str, relative_no
     ]
     fitted = AdditiveMap(inputs, outputs, mean, (gps[0], gps[1]))
     jacobian = fitted.jacobian(uv)
+    determinant = np.abs(np.linalg.det(jacobian))
+    if not (determinant > 0.0).all():
+        return []
     # The likelihood is a density of xy; per squared px of uv it is larger by the map's determinant.
-    density = np.log(np.abs(np.linalg.det(jacobian))).sum() - 2 * len(uv) * np.log(outputs.scale)
+    density = np.log(determinant).sum() - 2 * len(uv) * np.log(outputs.scale)
     evidence = sum(gp.log_marginal_likelihood for gp in gps) + float(density)
-    return FittedMap(fitted, name, "constant", _noise_in_inputs(jacobian, gps, outputs), evidence)
+    return [FittedMap(fitted, name, "constant", _noise_in_inputs(jacobian, gps, outputs), evidence)]
 
 
 def _noise_in_inputs(jacobian: Floats, gps: list[GaussianProcess], outputs: Scaling) -> float:
