@@ -5,6 +5,7 @@ import json
 import os
 import shlex
 import shutil
+from pathlib import Path
 import subprocess
 import sys
 import zipfile
@@ -75,6 +76,24 @@ def test_json_goes_to_standard_output_and_no_file_is_written(run, lonely, tmp_pa
     assert (status, err) == (0, "")
     assert json.loads(out)["provenance"]["file"] == "camera.npz"
     assert list(tmp_path.iterdir()) == [tmp_path / "camera.npz"]
+
+
+@pytest.mark.parametrize(
+    ("form", "start"), [("html", "<!DOCTYPE html>"), ("md", "<!-- pinholify-report"), ("json", "{")]
+)
+def test_a_report_goes_to_standard_output(run, lonely, tmp_path, form, start):
+    status, out, err = run("report", "camera.npz", *QUICK, "--format", form, "-o", "-")
+    assert status == 0
+    assert out.lower().startswith(start.lower())
+    assert "wrote" not in out
+    assert "note: " in err
+    assert [path.name for path in tmp_path.iterdir()] == ["camera.npz"]
+
+
+def test_standard_output_holds_one_thing(lonely):
+    Path("a.png").write_bytes(b"a picture")
+    assert main(["report", "camera.npz", "--json", "-o", "-"]) == 2
+    assert main(["calibrate", "a.png", "--board", "9x6", "--report", "-", "-o", "b.npz"]) == 2
 
 
 def test_heldout_error_and_models_are_compared(run, lonely):

@@ -14,14 +14,14 @@ from pinholify.cli import options
 from pinholify.cli.options import (
     Auto,
     board_option,
-    check_output,
+    check_camera_output,
     examples,
     force_option,
     json_option,
     print_json,
     say,
 )
-from pinholify.cli.report_command import check_report_output, gathered_report, write_to
+from pinholify.cli.report_command import STANDARD_OUTPUT, check_report_output, gathered_report, write_to
 from pinholify.cli.sources import gather_corners, input_files, look_again_with_progress, solving
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -99,7 +99,7 @@ def command(
     from pinholify.cli.report import print_evaluation, to_json
     from pinholify.evaluation.summary import evaluate
     from pinholify.evaluation.verdict import judge
-    from pinholify.io.camera_file import is_camera_file, read_camera, write_camera
+    from pinholify.io.camera_file import read_camera, write_camera
     from pinholify.pipeline import calibrate
 
     method = chosen_method(method, kernel, trend)
@@ -109,7 +109,9 @@ def command(
         raise click.UsageError("the one-image method needs no --start: leave it out, or choose --method joint")
     files = input_files(images, table)
     inputs = files if start is None else [*files, start]
-    check_output(output, force=force, is_ours=is_camera_file, inputs=inputs)
+    check_camera_output(output, force=force, inputs=inputs)
+    if report == STANDARD_OUTPUT:
+        raise click.UsageError("--report needs the name of a file: standard output has the evaluation")
     if report is not None:
         check_report_output(report, (*inputs, output), force=force)
     known = None if start is None else read_camera(start).camera

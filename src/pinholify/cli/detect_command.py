@@ -58,11 +58,14 @@ def command(
     rename such files first, or use --json. With --json and -o - the table is not printed.
     """
     from pinholify.io.camera_file import read_camera
-    from pinholify.io.corner_tables import write_corner_table
+    from pinholify.io.corner_tables import check_name, write_corner_table
 
     files = input_files(images, None)
     if output != "-":
         check_output(Path(output), force=force, is_ours=is_corner_table, inputs=files)
+    if output != "-" or not as_json:
+        for file in files:
+            check_name(file.name)
     known = None if camera is None else read_camera(camera).camera
     if known is not None and mirrored and not known.mirrored:
         raise click.UsageError(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pinholify.cli import options
-from pinholify.cli.options import check_output, examples, force_option, json_option, print_json, say
+from pinholify.cli.options import check_camera_output, examples, force_option, json_option, print_json, say
 from pinholify.io.importing import PROGRAMS
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -54,12 +54,12 @@ def command(
     such files: standard deviations are of the repetition alone. One square of its virtual plane is one pixel of its
     ideal pinhole image.
     """
-    from pinholify.io.camera_file import is_camera_file, write_camera
+    from pinholify.io.camera_file import write_camera
     from pinholify.io.importing import read_foreign
     from pinholify.io.importing.adoption import adopt
     from pinholify.splines import rounded_up
 
-    check_output(output, force=force, is_ours=is_camera_file, inputs=(file,))
+    check_camera_output(output, force=force, inputs=(file,))
     theirs = read_foreign(file, program=program, camera=camera, image_size=image_size, fisheye=fisheye)
     adopted = adopt(theirs, board=board, square_mm=square_mm)
     write_camera(output, adopted.calibration)
@@ -74,6 +74,7 @@ def command(
                 "f": intrinsics.f,
                 "uc": intrinsics.uc,
                 "vc": intrinsics.vc,
+                "mirrored": adopted.calibration.camera.mirrored,
                 "fit_rms_px": adopted.rms_px,
                 "fit_largest_px": adopted.largest_px,
                 "covered": adopted.covered,
@@ -84,6 +85,9 @@ def command(
     width, height = theirs.image_size
     click.echo(f"{theirs.program} {theirs.model}, {width}x{height}: f {intrinsics.f:.2f} px")
     click.echo(f"repeated to {adopted.rms_px:.2g} px rms, {rounded_up(adopted.largest_px)} px at most")
+    if adopted.calibration.camera.mirrored:
+        fx, fy = theirs.focal
+        say(f"note: the image is a reflection, as fx = {fx:g} and fy = {fy:g}: does the camera look into a mirror?")
     if adopted.covered < FULL:
         left_out = 1.0 - adopted.covered
         say(f"note: {left_out:.1%} of the image is left out: there the lens model folds, ends or bends too sharply")

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from pinholify.cli import options
-from pinholify.cli.options import check_output, examples, force_option
+from pinholify.cli.options import check_camera_output, examples, force_option
 
 EXAMPLES = examples(
     "pinholify mode photos.npz --size 1920x1440 -o half.npz",
@@ -47,12 +47,12 @@ def command(
     from dataclasses import replace
 
     from pinholify.corners import CornerSet
-    from pinholify.io.camera_file import is_camera_file, read_camera, write_camera
+    from pinholify.io.camera_file import read_camera, write_camera
     from pinholify.modes import binned, cropped, scaled
 
     if part is None and factor is None and size is None:
         raise click.UsageError("say what the mode does: --crop, --bin or --size")
-    check_output(output, force=force, is_ours=is_camera_file, inputs=(camera,))
+    check_camera_output(output, force=force, inputs=(camera,))
     calibration = read_camera(camera)
     mode = calibration.camera
     mode = cropped(mode, *part) if part is not None else mode

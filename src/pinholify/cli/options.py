@@ -24,6 +24,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 Auto = Literal["auto"]
 AUTO: Final = "auto"
 
+CAMERA_SUFFIX = ".npz"
+
 LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 
@@ -135,6 +137,15 @@ def check_output(
         raise OutputError(f"'{path}' is one of the inputs; write to another file")
     if not force and path.stat().st_size and not is_ours(path):
         raise OutputError(f"'{path}' is already there; choose another name, or say --force")
+
+
+def check_camera_output(path: Path, *, force: bool, inputs: Iterable[str | Path] = ()) -> None:
+    """:func:`check_output` of a camera file, by whose ending everybody knows it."""
+    from pinholify.io.camera_file import is_camera_file
+
+    check_output(path, force=force, is_ours=is_camera_file, inputs=inputs)
+    if path.suffix.lower() != CAMERA_SUFFIX:
+        raise OutputError(f"'{path}' is no name of a camera file; end it in {CAMERA_SUFFIX}")
 
 
 def examples(*lines: str) -> str:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.report.photographs import Photographs
 
 FORMATS = ("html", "md", "json")
+STANDARD_OUTPUT = Path("-")
 
 
 @click.command(
@@ -32,7 +33,8 @@ FORMATS = ("html", "md", "json")
 )
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("images", nargs=-1, type=click.Path(path_type=Path))
-@click.option("-o", "output", type=click.Path(path_type=Path), help="File to write; by default report.html (or .md …).")
+@click.option("-o", "output", type=click.Path(path_type=Path),
+              help="File to write, by default report.html (or .md …); - is standard output.")
 @click.option("--format", "form", type=click.Choice(FORMATS),
               help="html: one page that holds everything; md: words and tables; json: numbers. Default: as -o ends.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
@@ -60,6 +62,8 @@ def command(
     from pinholify.report.evaluated import evaluated
     from pinholify.report.formats import render
 
+    if output == STANDARD_OUTPUT and as_json:
+        raise click.UsageError("--json and -o - both go to standard output; leave one out")
     path = output or Path(f"report.{form or 'html'}")
     if output or not as_json:
         check_report_output(path, (camera, *images), force=force)
@@ -75,14 +79,19 @@ def command(
 
 def write_to(path: Path, report: Report, form: str | None = None, *, aloud: bool) -> None:
     """Write ``report`` in the format ``form``, or that of the ending of ``path``; ``aloud`` says so."""
-    from pinholify.report.formats import write_report
+    from pinholify.report.formats import render, write_report
 
     ending = path.suffix.lower().removeprefix(".")
-    write_report(path, report, form or (ending if ending in FORMATS else "html"))
+    form = form or (ending if ending in FORMATS else "html")
+    if path == STANDARD_OUTPUT:
+        click.echo(render(report, form), nl=False)
+    else:
+        write_report(path, report, form)
     if aloud:
         for sentence in report.missing:
             say(f"note: {sentence}")
-        click.echo(f"wrote {path}")
+        if path != STANDARD_OUTPUT:
+            click.echo(f"wrote {path}")
 
 
 def check_report_output(path: Path, inputs: Sequence[Path], *, force: bool) -> None:
@@ -90,6 +99,8 @@ def check_report_output(path: Path, inputs: Sequence[Path], *, force: bool) -> N
     from pinholify.errors import OutputError
     from pinholify.report.formats import is_report
 
+    if path == STANDARD_OUTPUT:
+        return
     if path.absolute() in [source.absolute() for source in inputs]:
         raise OutputError(f"the report '{path}' would replace one of the other files; write it to another")
     check_output(path, force=force, is_ours=is_report, inputs=inputs)

@@ -135,7 +135,7 @@ def _lines(corners: CornerSet) -> Iterator[str]:
     weighted = any((view.weights != 1).any() for view in corners.views)
     yield f"# filename x y {'weight' if weighted else 'level'}\n"
     for view in corners.views:
-        _check_name(view.name)
+        check_name(view.name)
         yield from _notes(view)
         yield from _rows(view, size(corners.board), weighted)
 
@@ -159,7 +159,8 @@ def _rows(view: Corners, count: int, weighted: bool) -> Iterable[str]:
     yield from texts
 
 
-def _check_name(name: str) -> None:
+def check_name(name: str) -> None:
+    """Raise CornerTableError for the name of an image that no corner table can hold."""
     if name.split() != [name] or name.startswith("#"):
         raise CornerTableError(
             f"'{name}' cannot stand in a corner table, where names have no blanks and do not begin with '#'; "

@@ -252,6 +252,8 @@ BROKEN = {
     "wide": (changed(MRCAL, "OPENCV5", "SPLINED_STEREOGRAPHIC_order=3_Nx=9_Ny=9_fov_x_deg=400"), "no lens has"),
     "infinite": (changed(ROS, "420.0, 0, 325.4", ".inf, 0, 325.4"), "numbers in its matrix are no numbers"),
     "overflow": (changed(ROS, "420.0, 0, 325.4", "1e999, 0, 325.4"), "not all of its numbers in its matrix are finite"),
+    "more columns": (changed(ROS, "cols: 5", "cols: 9"), "a matrix of 1x9 has 5 numbers"),
+    "fewer rows": (changed(OPENCV, "rows: 5", "rows: 4"), "a matrix of 4x1 has 5 numbers"),
     "skew": (changed(ROS, "420.0, 0, 325.4", "420.0, 3, 325.4"), "no camera's without skew"),
     "ros model": (changed(ROS, "plumb_bob", "magic"), "distortion model magic is not known here"),
     "kalibr model": (changed(KALIBR, "radtan", "magic"), "model pinhole-magic is not known here"),

@@ -98,6 +98,22 @@ def test_theirs_is_compared_with_ours_and_scored_on_boards(run, tmp_path):
     assert "Good: these photographs, which it may have seen or not, are off by 0.07 px, how well f is known is" in words
 
 
+def test_a_reflection_is_said(run, tmp_path):
+    (tmp_path / "mirror.yaml").write_text(ROS.replace("420.0, 0, 325.4", "-420.0, 0, 325.4"))
+    status, _, err = run("import", "mirror.yaml", "-o", "a.npz")
+    assert status == 0
+    assert err == "note: the image is a reflection, as fx = -420 and fy = 421.5: does the camera look into a mirror?\n"
+    assert json.loads(run("import", "ros.yaml", "-o", "b.npz", "--json")[1])["mirrored"] is False
+
+
+def test_a_camera_file_is_known_by_its_ending(run, tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((480, 640), np.uint8))
+    for words in (("import", "ros.yaml"), ("mode", "ros.npz", "--bin", "2"), ("calibrate", "a.png", "--board", "9x6")):
+        status, _, err = run(*words, "-o", "camera.txt")
+        assert (status, err) == (1, "pinholify: 'camera.txt' is no name of a camera file; end it in .npz\n")
+    assert not (tmp_path / "camera.txt").exists()
+
+
 def test_a_camera_without_a_board_is_not_scored(run):
     assert run("import", "ros.yaml", "-o", "a.npz")[0] == 0
     status, _, err = run("evaluate", "a.npz", "nowhere")

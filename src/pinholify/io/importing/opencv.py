@@ -36,7 +36,7 @@ def cameras(foreign: Foreign) -> Mapping[str, ForeignCamera]:
 
 def core_of(foreign: Foreign, matrix: Any) -> tuple[Floats, Floats]:
     """Focal lengths and centre of a matrix K as FileStorage and ROS keep it."""
-    k = foreign.numbers(_data(matrix), "numbers in its matrix", 9).reshape(3, 3)
+    k = foreign.numbers(_data(foreign, matrix), "numbers in its matrix", 9).reshape(3, 3)
     if not (k[0, 0] and k[1, 1]) or np.abs(k[[1, 2, 2, 2], [0, 0, 1, 2]] - [0, 0, 0, 1]).max() > 1e-9 or k[0, 1]:
         raise foreign.refused("its matrix is no camera's without skew")
     return k[[0, 1], [0, 1]], k[:2, 2]
@@ -44,11 +44,19 @@ def core_of(foreign: Foreign, matrix: Any) -> tuple[Floats, Floats]:
 
 def coefficients(foreign: Foreign, value: Any) -> Floats:
     """Distortion coefficients (n,) as FileStorage and ROS keep them."""
-    return foreign.numbers(_data(value), "distortion coefficients")
+    return foreign.numbers(_data(foreign, value), "distortion coefficients")
 
 
-def _data(value: Any) -> Any:
-    return value.get("data") if isinstance(value, dict) else value
+def _data(foreign: Foreign, value: Any) -> Any:
+    """The numbers of a matrix, as many as it says it has; what is no matrix is passed on."""
+    if not isinstance(value, dict):
+        return value
+    data, sides = value.get("data"), (value.get("rows"), value.get("cols"))
+    if data is not None and None not in sides:
+        rows, columns = foreign.numbers(sides, "rows and columns")
+        if rows * columns != np.size(data):
+            raise foreign.refused(f"a matrix of {rows:g}x{columns:g} has {np.size(data)} numbers")
+    return data
 
 
 def _first(tree: Mapping[str, Any], names: tuple[str, ...]) -> Any:
