@@ -5,10 +5,10 @@ import json
 import os
 import shlex
 import shutil
-from pathlib import Path
 import subprocess
 import sys
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
