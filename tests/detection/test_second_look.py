@@ -9,15 +9,18 @@ from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import Intrinsics, PlaneChart
 from pinholify.corners import Corners, CornerSet, not_found
 from pinholify.detection import detect_board, look_again, look_again_in_files
+from pinholify.detection.second_look import expect
 from pinholify.errors import ImageError
 from pinholify.geometry import Pose, convex_hull
 from pinholify.gp.fitting import fit_map
 from pinholify.io.images import write_image
+from pinholify.io.importing.adoption import adopt
+from pinholify.io.importing.base import ForeignCamera
 from pinholify.simulation.lenses import Fisheye
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
 from pinholify.simulation.scene import CheckerboardTexture, Plane, Scene
-from pinholify.simulation.views import virtual_camera
+from pinholify.simulation.views import true_corners, virtual_camera
 
 BOARD = Checkerboard(11, 8)
 LENS = Fisheye((640, 480), 210.0)
@@ -118,3 +121,14 @@ def test_files_are_looked_at_again(camera, seen, tmp_path):
     assert arrived == list(again.views)
     with pytest.raises(ImageError, match="1280x960 px, but the camera was calibrated at 640x480"):
         look_again_in_files([], CornerSet(BOARD, (1280, 960)), camera)
+
+
+def test_an_imported_camera_expects_corners_too():
+    """Its noise is unknown, nan, which is no reason not to look."""
+    size = LENS.size
+    foreign = ForeignCamera("file", "test", "lens", LENS.project, np.full(2, 210.0), np.array(size) / 2.0, size)
+    uv = true_corners(LENS, BOARD, VIEW)
+    view = Corners("a", np.arange(len(uv)), uv + np.random.default_rng(0).normal(0, 0.02, uv.shape))
+    expected = expect(adopt(foreign).calibration.camera, view, BOARD)
+    assert expected is not None
+    assert np.abs(expected.prediction.uv - uv).max() < 0.1

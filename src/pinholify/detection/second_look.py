@@ -87,7 +87,7 @@ def expect(camera: VirtualCamera, view: Corners, board: Board) -> Expected | Non
     jacobian, second = _derivatives(uv)
     spacing = np.linalg.norm(jacobian, axis=1).min(axis=1)
     miss = (uv[view.ids, 0] - view.uv)[known]
-    scatter = max(camera.noise_px, 1.4826 * float(np.median(np.abs(miss))))
+    scatter = float(np.fmax(camera.noise_px, 1.4826 * np.median(np.abs(miss))))  # an imported camera knows no noise
     if not scatter < MOST_MISFIT * float(np.median(spacing[view.ids[known]])):
         return None
     inside = ((uv > 0) & (uv < np.array(camera.image_size) - 1)).all(axis=(1, 2))
