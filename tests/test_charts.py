@@ -42,3 +42,16 @@ def test_angles_go_beyond_a_right_angle_and_the_plane_does_not():
 
 def test_straight_behind_there_is_no_angle():
     assert np.isnan(AngleChart(np.eye(3)).coordinates(np.array([[0.0, 0.0, -1.0]]))).all()
+
+
+def test_rays_know_how_well_k_is_known():
+    """Draws of K: the pixel that sees a fixed ray moves by as much as the chart's covariance says."""
+    k, covariance = np.array([4.0, 7.0, 4.0]), np.diag([0.02, 0.01, 0.015]) ** 2
+    covariance[0, 1] = covariance[1, 0] = 1e-4
+    q = np.array([[7.0, 4.0], [12.0, 1.0], [3.0, 9.0]])
+    chart = PlaneChart(Intrinsics(*k), covariance)
+    draws = np.random.default_rng(0).multivariate_normal(k, covariance, 4000)
+    seen = np.stack([PlaneChart(Intrinsics(*draw)).coordinates(chart.directions(q)) for draw in draws])
+    sampled = np.stack([np.cov(seen[:, i], rowvar=False) for i in range(3)])
+    np.testing.assert_allclose(chart.covariance(q), sampled, atol=0.08 * sampled.max())
+    assert not PlaneChart(Intrinsics(*k)).covariance(q).any()

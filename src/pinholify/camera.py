@@ -78,7 +78,7 @@ class VirtualCamera:
     def to_rays(self, uv: Floats) -> Rays:
         """The rays of pixels ``uv`` (n, 2)."""
         directions = self.chart.directions(self.plane_map.value(uv))
-        variance = np.trace(self.pixel_covariance(uv), axis1=1, axis2=2)
+        variance = np.trace(self._ray_covariance(uv), axis1=1, axis2=2)
         return Rays(np.zeros_like(directions), directions, np.sqrt(variance / 2.0))
 
     def to_virtual(self, uv: Floats) -> Mapped:
@@ -103,6 +103,11 @@ class VirtualCamera:
     def pixel_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) of the map expressed as a shift of the pixel, px²."""
         return self._as_pixels(uv, self.plane_map.covariance(uv))
+
+    def _ray_covariance(self, uv: Floats) -> Floats:
+        """The same of map and K together: of the pixel that sees a ray."""
+        both = self.plane_map.covariance(uv) + self.chart.covariance(self.plane_map.value(uv))
+        return self._as_pixels(uv, both)
 
     def shape_std(self, uv: Floats) -> Floats:
         """How well the map's shape is known at each pixel: std (n,) in px, root mean square over both axes.
@@ -134,7 +139,7 @@ class VirtualCamera:
         uv = self.project(xyz)
         covariance = np.full((len(uv), 2, 2), np.nan)
         found = np.isfinite(uv).all(axis=1)
-        covariance[found] = self.pixel_covariance(uv[found])
+        covariance[found] = self._ray_covariance(uv[found])
         return Mapped(uv, covariance)
 
     def project(self, xyz: Floats) -> Floats:

@@ -66,12 +66,24 @@ class Chart(Protocol):
         """∂q/∂xyz, (n, 2, 3)."""
         ...
 
+    def covariance(self, q: Floats) -> Floats:
+        """Covariance (n, 2, 2) of the coordinates of fixed rays, those at ``q``, by what the chart does not know."""
+        ...
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PlaneChart:
-    """q is a point of the virtual plane, in squares."""
+    """q is a point of the virtual plane, in squares.
+
+    ``intrinsics_covariance`` (3, 3) is that of (f, uc, vc), squares², where it is known.
+    """
 
     intrinsics: Intrinsics
+    intrinsics_covariance: Floats | None = None
+
+    def __post_init__(self) -> None:
+        if self.intrinsics_covariance is not None:
+            object.__setattr__(self, "intrinsics_covariance", frozen(self.intrinsics_covariance, (3, 3)))
 
     def directions(self, q: Floats) -> Floats:
         """Unit directions."""
@@ -93,6 +105,14 @@ class PlaneChart:
     def coordinate_jacobian(self, xyz: Floats) -> Floats:
         """∂q/∂xyz."""
         return self.intrinsics.projection_jacobian(xyz)
+
+    def covariance(self, q: Floats) -> Floats:
+        """By K's; zero where that is not known."""
+        by_k = np.zeros((len(q), 2, 3))
+        by_k[:, :, 0] = (q - [self.intrinsics.uc, self.intrinsics.vc]) / self.intrinsics.f
+        by_k[:, 0, 1] = by_k[:, 1, 2] = 1.0
+        k = np.zeros((3, 3)) if self.intrinsics_covariance is None else self.intrinsics_covariance
+        return np.asarray(by_k @ k @ by_k.transpose(0, 2, 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,6 +142,10 @@ class AngleChart:
     def coordinate_jacobian(self, xyz: Floats) -> Floats:
         """∂q/∂xyz."""
         return np.asarray(directions_to_angles_jacobian(xyz @ self.rotation) @ self.rotation.T)
+
+    def covariance(self, q: Floats) -> Floats:
+        """Zero: the map's covariance holds all."""
+        return np.zeros((len(q), 2, 2))
 
 
 def angles_to_directions(q: Floats) -> Floats:

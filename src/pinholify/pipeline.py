@@ -132,9 +132,9 @@ def _calibration(
     square_mm: float | None,
 ) -> Calibration:
     shape = result.shape
-    flat_points, middle = lattice(corner_set.board), lattice(corner_set.board).mean(axis=0)
-    stretched = middle + (flat_points - middle) * [1.0, 1.0 + (shape.stretch or 0.0)]
-    points = np.column_stack([stretched, shape.height])
+    middle = lattice(corner_set.board).mean(axis=0)
+    printed = np.array([[1.0, shape.shear or 0.0], [0.0, 1.0 + (shape.stretch or 0.0)]])
+    points = np.column_stack([middle + (lattice(corner_set.board) - middle) @ printed.T, shape.height])
     details: dict[str, object] = {
         "log_evidence": dict(result.candidates),
         "kernel_px": [float(v) for v in result.kernel_px],
@@ -143,6 +143,7 @@ def _calibration(
         "wrong_corners": _wrong_corners(result, fewer, corner_set, points),
         "board_bow_squares": shape.bow,
         "board_stretch": shape.stretch,
+        "board_shear": shape.shear,
         "start_fits": result.start_fits,
         "disagreement": result.disagreement,
         "board_bow_mm": None if shape.bow is None or square_mm is None else shape.bow * square_mm,

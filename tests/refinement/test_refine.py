@@ -251,6 +251,13 @@ def test_a_reflection_with_left_handed_lattices(scenes: dict[str, Scene], result
     np.testing.assert_allclose(result.residuals["view03"], results["pinhole"].residuals["view03"] * [-1, 1], atol=1e-4)
 
 
+def test_a_sheared_print_is_found() -> None:
+    scene = make_scene("pinhole", views=20, shear=0.003, seed=2)
+    result = refine(scene.corners, reference="view00")
+    assert result.shape.shear == pytest.approx(0.003, rel=0.2)
+    assert covered_error(scene, result) < 0.1
+
+
 def test_a_bowed_and_stretched_board_is_found() -> None:
     scene = make_scene("pinhole", views=20, bow=0.06, stretch=0.004, seed=2)
     result = refine(scene.corners, reference="view00")
@@ -363,4 +370,12 @@ def test_boards_that_pull_apart_widen_the_error_bars(together: float) -> None:
     result = refine(scene.corners.with_views(views), reference="view00")
     promised = np.sqrt(2.0 * (result.camera.shape_std(grid(result)) ** 2).mean())
     assert (result.disagreement > 1.0) == bool(together)
+    assert covered_error(scene, result) < 3.0 * promised
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_four_boards_tell_a_stretched_print_from_pixels_that_are_not_square(seed: int) -> None:
+    scene = make_scene("pinhole", views=4, stretch=0.005, seed=seed)
+    result = refine(scene.corners, reference="view00")
+    promised = np.sqrt(2.0 * (result.camera.shape_std(grid(result)) ** 2).mean())
     assert covered_error(scene, result) < 3.0 * promised

@@ -244,7 +244,7 @@ def test_noise_alone_is_the_fixed_point_of_its_evidence(scene: Scene) -> None:
         equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision()
     ).without_process()
     kept = np.ones((2, len(problem.theta)), dtype=bool)
-    kept[1, -1] = False  # without the board's stretch
+    kept[1, -2:] = False  # without the board's print
     found = nested_noise(problem, kept, 1e-2)
     for one, noise, theta, best in zip(kept, found.noise, found.theta, found.log_evidence, strict=True):
         part = problem.without(~one)
@@ -296,12 +296,12 @@ def test_huber() -> None:
 def test_shape_is_even_and_leaves_planes_to_the_poses() -> None:
     shape = board_shape(BOARD)
     points = lattice(BOARD) - lattice_middle(BOARD)
-    eta = np.append(np.random.default_rng(0).normal(size=6), 0.01)
+    eta = np.append(np.random.default_rng(0).normal(size=6), [0.01, -0.02])
     np.testing.assert_allclose(shape.height(eta, points), shape.height(eta, -points))
-    numeric = [(shape.points(eta + h, points) - shape.points(eta - h, points)) / 2e-6 for h in 1e-6 * np.eye(7)]
+    numeric = [(shape.points(eta + h, points) - shape.points(eta - h, points)) / 2e-6 for h in 1e-6 * np.eye(8)]
     by_point = np.broadcast_to(np.eye(3), (len(points), 3, 3))
     np.testing.assert_allclose(shape.slopes(by_point, points), np.stack(numeric, axis=2), atol=1e-8)
-    assert [s.prior_std.size for s in shape.smaller()] == [7, 6, 1, 0]
+    assert [s.prior_std.size for s in shape.smaller()] == [8, 6, 2, 0]
 
 
 def test_averaging_the_process_leaves_the_evidence(scene: Scene) -> None:

@@ -67,10 +67,12 @@ def calibrate_one_image(
     others = _boards_beside_reference(condensed(corner_set, MOST_IN_ALL), view, fitted, hull)
     closed = _closed_form(others, fitted)
     intrinsics, influence = _refined(others, closed.intrinsics)
-    spread = influence.jackknife_std
+    covariance, spread = _noise_covariance(others, influence, fitted), influence.jackknife_std
+    by_noise = np.sqrt(np.diagonal(covariance))
+    std = honest_std(by_noise, spread)
     camera = VirtualCamera(
         fitted.map,
-        PlaneChart(intrinsics),
+        PlaneChart(intrinsics, covariance * np.outer(std / by_noise, std / by_noise)),
         intrinsics,
         Domain(hull),
         corner_set.image_size,
@@ -89,7 +91,7 @@ def calibrate_one_image(
         kernel,
         fitted.trend,
         view.name,
-        honest_std(_noise_std(others, influence, fitted), spread),
+        std,
         square_mm,
         closed.intrinsics,
         details=details,
@@ -238,14 +240,14 @@ def _by_px(response: Floats, board: MappedBoard) -> Floats:
     return np.asarray(by_point.transpose(1, 0, 2).reshape(len(response), -1))
 
 
-def _noise_std(boards: list[MappedBoard], influence: Influence, fitted: FittedMap) -> Floats:
-    """Standard deviations (3,) of the refined f, uc, vc by the noise of :func:`_homographies_of_new_noise`."""
+def _noise_covariance(boards: list[MappedBoard], influence: Influence, fitted: FittedMap) -> Floats:
+    """Covariance (3, 3) of the refined f, uc, vc by the noise of :func:`_homographies_of_new_noise`."""
     common = _common_shifts(boards, fitted, np.random.default_rng(0))
-    variance, together = np.zeros(3), np.zeros((DRAWS, 3))
+    own, together = np.zeros((3, 3)), np.zeros((DRAWS, 3))
     for board, response, px in zip(boards, influence.responses, common, strict=True):
-        variance += board.misfit_px**2 / 2.0 * (response**2).sum(axis=1)
+        own += board.misfit_px**2 / 2.0 * response @ response.T
         together += px @ response.T
-    return np.asarray(np.sqrt(variance + together.var(axis=0)))
+    return np.asarray(own + np.cov(together, rowvar=False))
 
 
 __all__ = ["calibrate_one_image", "check_determined", "check_handedness", "reference_view"]

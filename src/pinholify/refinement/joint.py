@@ -41,7 +41,6 @@ from pinholify.refinement.trends import Search, searches_named
 
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
-FEWEST_FOR_SHAPE = 6  # a few views of a hand-held camera can agree on a shape that is none of the board's
 COVERED = 0.995  # of the corners: some that were found far off do not count
 SECOND_CHOICES = 8  # candidates that get a chance where no finalist can be solved
 
@@ -77,7 +76,7 @@ def refine(
     setting = Setting(
         density,
         scales,
-        board_shape(corner_set.board, known=len(views) >= FEWEST_FOR_SHAPE),
+        board_shape(corner_set.board),
         frame.half_size,
         _covered(everything),
         SHORTEST * _spacing(everything),

@@ -25,12 +25,14 @@ class Shape:
     """How the board differs from a flat lattice of squares.
 
     ``bow`` is the largest height difference over the board in squares, None where the data prefer a flat
-    board; ``stretch`` is how much longer a square is along y than along x, a fraction, None where they prefer
-    squares. ``height`` (corners of the board,) in squares by id, away from the camera positive.
+    board; ``stretch`` is how much longer a square is along y than along x, a fraction, and ``shear`` how far its
+    columns lean towards x for each square along y; None where they prefer squares. ``height`` (corners of the board,)
+    in squares by id, away from the camera positive.
     """
 
     bow: float | None
     stretch: float | None
+    shear: float | None
     height: Floats
 
 
@@ -152,5 +154,6 @@ def shape_of(settled: Settled, lattice: Floats) -> Shape:
     return Shape(
         float(np.ptp(height)) if shape.bends else None,
         shape.stretch(eta) if shape.stretches else None,
+        shape.shear(eta) if shape.stretches else None,
         height,
     )

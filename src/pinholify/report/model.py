@@ -26,8 +26,8 @@ class Model:
     """Method, kernel and trend; ``processes`` none where the evidence switched the process off.
 
     ``candidates`` are the trends tried, best first, with how much less their log evidence is than the best's.
-    ``bow`` (squares) and ``stretch`` (fraction) tell how the board differs from a flat lattice of squares, None where
-    the data prefer one that does not. ``singular_values`` are those of the closed-form solve.
+    ``bow`` (squares), ``stretch`` and ``shear`` (fractions) tell how the board differs from a flat lattice of squares,
+    None where the data prefer one that does not. ``singular_values`` are those of the closed-form solve.
     """
 
     method: str
@@ -38,6 +38,7 @@ class Model:
     candidates: tuple[tuple[str, float], ...]
     bow: float | None
     stretch: float | None
+    shear: float | None
     square_mm: float | None
     singular_values: tuple[float, ...]
 
@@ -58,6 +59,7 @@ def model_of(evaluation: Evaluation) -> Model:
         tuple((name, float(ordered[0][1] - value)) for name, value in ordered),
         _number(details.get("board_bow_squares")),
         _number(details.get("board_stretch")),
+        _number(details.get("board_shear")),
         calibration.square_mm,
         tuple(float(v) for v in values) if isinstance(values, (list, tuple)) else (),
     )

@@ -374,7 +374,8 @@ def _board_shape(report: Report) -> list[tuple[str, str]]:
         millimetres = "" if model.square_mm is None else f" ({number(model.bow * model.square_mm, 2)} mm)"
         rows.append(("board's bow", f"{number(model.bow, 4)} squares{millimetres}: not quite flat, and allowed for"))
     if model.stretch is not None:
-        rows.append(("board's print", f"{model.stretch:+.3%} longer along y than along x, and allowed for"))
+        lean = "" if model.shear is None else f", its columns leaning by {model.shear:+.3%}"
+        rows.append(("board's print", f"{model.stretch:+.3%} longer along y than along x{lean}: allowed for"))
     return rows
 
 
