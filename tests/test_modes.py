@@ -57,7 +57,7 @@ def test_a_limit_of_the_std_holds_on_the_same_places(barrel_calibration, name):
     full = barrel_calibration.camera
     wide = ConvexRegion(np.array([[0.0, 0.0], [1919, 0], [1919, 1199], [0, 1199]]))
     uv = places(size)
-    std = full.to_rays(make(full).plane_map.calibrated(uv)).std_px
+    std = full.shape_std(make(full).plane_map.calibrated(uv))
     limited = replace(full, domain=Domain(wide, float(np.median(std))))
     np.testing.assert_array_equal(make(limited).inside(uv), std <= np.median(std))
 

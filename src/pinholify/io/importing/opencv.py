@@ -52,7 +52,7 @@ def _data(foreign: Foreign, value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     data, sides = value.get("data"), (value.get("rows"), value.get("cols"))
-    if data is not None and None not in sides:
+    if isinstance(data, list) and None not in sides:
         rows, columns = foreign.numbers(sides, "rows and columns")
         if rows * columns != np.size(data):
             raise foreign.refused(f"a matrix of {rows:g}x{columns:g} has {np.size(data)} numbers")
