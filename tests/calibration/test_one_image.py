@@ -150,18 +150,19 @@ def test_a_reference_may_be_named_without_its_folder(barrel_set):
 def test_the_error_bars_of_k_are_honest():
     """200 draws: predicted against sampled spread of K and of rays, and how often ±1.96 σ covers the true K."""
     poses, uv = board_poses(9, 0), np.array([[300.0, 300.0], [960.0, 600.0], [1500.0, 900.0], [1600.0, 250.0]])
-    found, std, rays, rays_std = [], [], [], []
+    found, std, rays, lengths, rays_std = [], [], [], [], []
     for seed in range(200):
         calibration = one_image(corner_set(squeeze=0.15, seed=seed, poses=poses))
         found.append(k_of(calibration))
         std.append(calibration.intrinsics_std)
         seen, camera = calibration.camera.to_rays(uv), calibration.camera
         by_px = camera.chart.direction_jacobian(camera.plane_map.value(uv)) @ camera.plane_map.jacobian(uv)
-        rays.append(seen.directions / np.linalg.norm(by_px, axis=(1, 2))[:, None])  # lengths are px
+        rays.append(seen.directions)
+        lengths.append(np.linalg.norm(by_px, axis=(1, 2)))  # of one px along each axis
         rays_std.append(seen.std_px)
     ratio = np.sqrt(np.mean(np.square(std), axis=0)) / np.std(found, axis=0)
     np.testing.assert_allclose(ratio, 1.0, atol=0.15)
     covered = (np.abs(np.array(found) - TRUTH) < 1.96 * np.array(std)).mean()
     assert 0.92 < covered < 0.975
-    spread = np.sqrt(np.var(rays, axis=0).sum(axis=1))
+    spread = np.sqrt(np.var(rays, axis=0).sum(axis=1)) / np.mean(lengths, axis=0)
     np.testing.assert_allclose(np.sqrt(np.mean(np.square(rays_std), axis=0)) / spread, 1.0, atol=0.15)
