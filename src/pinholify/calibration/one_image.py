@@ -65,9 +65,10 @@ def calibrate_one_image(
     hull = convex_hull(view.uv)
     check_handedness(fitted, view, mirrored)
     others = _boards_beside_reference(condensed(corner_set, MOST_IN_ALL), view, fitted, hull)
-    closed = _closed_form(others, fitted)
+    common = _common_shifts(others, fitted)
+    closed = _closed_form(others, common)
     intrinsics, influence = _refined(others, closed.intrinsics)
-    covariance, spread = _noise_covariance(others, influence, fitted), influence.jackknife_std
+    covariance, spread = _noise_covariance(others, influence, common), influence.jackknife_std
     by_noise = np.sqrt(np.diagonal(covariance))
     std = honest_std(by_noise, spread)
     camera = VirtualCamera(
@@ -186,15 +187,17 @@ def check_determined(camera: VirtualCamera, corner_set: CornerSet, reference: st
     others = [b for b in map_views(everywhere, corner_set) if b.used and b.name != reference]
     if len(others) < 2:
         return
-    _closed_form(others, None)
+    _closed_form(others, [np.zeros((DRAWS, 2 * len(b.uv))) for b in others])
 
 
-def _closed_form(boards: list[MappedBoard], fitted: FittedMap | None) -> ClosedForm:
-    """The simplified Zhang's K; raises DegenerateError where noise alone could have made it."""
+def _closed_form(boards: list[MappedBoard], common: list[Floats]) -> ClosedForm:
+    """The simplified Zhang's K; raises DegenerateError where noise alone, of which :func:`_common_shifts` says what all
+    boards have in ``common``, could have made it.
+    """
     homographies = np.stack([b.homography for b in boards])
     plane = normalising_similarity(np.concatenate([b.xy for b in boards]))
     closed = simplified_zhang(homographies, plane)
-    values, _, valid = solve(_homographies_of_new_noise(boards, homographies, fitted), plane)
+    values, _, valid = solve(_homographies_of_new_noise(boards, homographies, common), plane)
     std = float(values[valid, 0].std(ddof=1)) if valid.mean() > 0.9 else np.inf
     if not std < LARGEST_RELATIVE_STD * closed.intrinsics.f:
         raise DegenerateError(
@@ -206,15 +209,14 @@ def _closed_form(boards: list[MappedBoard], fitted: FittedMap | None) -> ClosedF
 
 
 def _homographies_of_new_noise(
-    boards: list[MappedBoard], homographies: Floats, fitted: FittedMap | None
+    boards: list[MappedBoard], homographies: Floats, common: list[Floats]
 ) -> Floats:
     """Draws (DRAWS, boards, 3, 3) of what ``homographies`` become with new noise on all corners, to first order.
 
-    The reference's corners have the noise that the fit of the map found, which moves all boards together (none without
-    a ``fitted`` map); each other board's what its homography left, which also holds what no map explains.
+    The reference's corners have the noise that the fit of the map found, which moves all boards together: ``common``;
+    each other board's what its homography left, which also holds what no map explains.
     """
-    rng = np.random.default_rng(0)
-    common = _common_shifts(boards, fitted, rng)
+    rng = np.random.default_rng(1)
     drawn = np.empty((DRAWS, *homographies.shape))
     for i, (board, px) in enumerate(zip(boards, common, strict=True)):
         by_px = _by_px(homography_response(board.homography, board.lattice, board.whitening), board)
@@ -224,12 +226,10 @@ def _homographies_of_new_noise(
     return drawn
 
 
-def _common_shifts(
-    boards: list[MappedBoard], fitted: FittedMap | None, rng: np.random.Generator
-) -> list[Floats]:
+def _common_shifts(boards: list[MappedBoard], fitted: FittedMap) -> list[Floats]:
     """Draws (DRAWS, 2n) a board of how new noise of the reference's corners moves its corners, px times weights."""
     uv, whitening = np.concatenate([b.uv for b in boards]), np.concatenate([b.whitening for b in boards])
-    shifts = np.zeros((DRAWS, *uv.shape)) if fitted is None else fitted.map.noise_response(uv, DRAWS, rng)
+    shifts = fitted.map.noise_response(uv, DRAWS, np.random.default_rng(0))
     ends = np.cumsum([2 * len(b.uv) for b in boards])
     return np.split((whitening @ shifts[:, :, :, None]).reshape(DRAWS, -1), ends[:-1], axis=1)
 
@@ -240,9 +240,8 @@ def _by_px(response: Floats, board: MappedBoard) -> Floats:
     return np.asarray(by_point.transpose(1, 0, 2).reshape(len(response), -1))
 
 
-def _noise_covariance(boards: list[MappedBoard], influence: Influence, fitted: FittedMap) -> Floats:
+def _noise_covariance(boards: list[MappedBoard], influence: Influence, common: list[Floats]) -> Floats:
     """Covariance (3, 3) of the refined f, uc, vc by the noise of :func:`_homographies_of_new_noise`."""
-    common = _common_shifts(boards, fitted, np.random.default_rng(0))
     own, together = np.zeros((3, 3)), np.zeros((DRAWS, 3))
     for board, response, px in zip(boards, influence.responses, common, strict=True):
         own += board.misfit_px**2 / 2.0 * response @ response.T

@@ -16,6 +16,7 @@ from pinholify.refinement.maps import POSE, JointMap
 from pinholify.refinement.model import Linearisation
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.settle import Settled
+from pinholify.refinement.trends.base import inverse_2x2
 
 PLACES = 24  # pixels whose rays are asked
 SURE = 3.0  # standard deviations beyond chance
@@ -46,7 +47,7 @@ def _rays(plane_map: JointMap, seen: Observations, unknowns: int) -> Floats:
     """∂(rays at some of the corners, in px, the turn that they share taken out)/∂θ: (2 PLACES, D)."""
     every = max(1, len(seen.image) // PLACES)
     uv = plane_map.frame.restore(seen.image[::every])
-    to_px = np.linalg.inv(plane_map.jacobian(uv))
+    to_px = inverse_2x2(plane_map.jacobian(uv))  # not finite where the map is not one to one
     features = (to_px @ plane_map.features(uv)).reshape(2 * len(uv), -1)
     features = features[np.isfinite(features).all(axis=1)]
     by_rest, turns = features[:, :-POSE], features[:, -POSE:-3]
