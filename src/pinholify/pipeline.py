@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 
 from pinholify.arrays import Floats, Ints
-from pinholify.board import lattice
 from pinholify.calibration.circles import local_centres, needs_centres, true_centres
 from pinholify.calibration.condensing import condensed
 from pinholify.calibration.numbering import check_most_count_alike, numbered_alike
@@ -19,6 +18,7 @@ from pinholify.camera import VirtualCamera, virtual
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError, InputError
 from pinholify.refinement import JointResult, refine
+from pinholify.refinement.observations import lattice_middle
 from pinholify.refinement.outliers import LIMIT
 from pinholify.refinement.solver import lengths
 
@@ -132,9 +132,7 @@ def _calibration(
     square_mm: float | None,
 ) -> Calibration:
     shape = result.shape
-    middle = lattice(corner_set.board).mean(axis=0)
-    printed = np.array([[1.0, shape.shear or 0.0], [0.0, 1.0 + (shape.stretch or 0.0)]])
-    points = np.column_stack([middle + (lattice(corner_set.board) - middle) @ printed.T, shape.height])
+    points = shape.points + np.append(lattice_middle(corner_set.board), 0.0)
     details: dict[str, object] = {
         "log_evidence": dict(result.candidates),
         "kernel_px": [float(v) for v in result.kernel_px],
@@ -144,9 +142,12 @@ def _calibration(
         "board_bow_squares": shape.bow,
         "board_stretch": shape.stretch,
         "board_shear": shape.shear,
+        "board_warp_squares": shape.warp,
         "start_fits": result.start_fits,
         "disagreement": result.disagreement,
-        "board_bow_mm": None if shape.bow is None or square_mm is None else shape.bow * square_mm,
+        "motion_px": result.motion_px,
+        "board_bow_mm": _in_mm(shape.bow, square_mm),
+        "board_warp_mm": _in_mm(shape.warp, square_mm),
     }
     return Calibration(
         result.camera,
@@ -160,6 +161,10 @@ def _calibration(
         board_points=points,
         details=details,
     )
+
+
+def _in_mm(squares: float | None, square_mm: float | None) -> float | None:
+    return None if squares is None or square_mm is None else squares * square_mm
 
 
 def _wrong_corners(

@@ -79,7 +79,12 @@ def make_scene(
     stretch: float = 0.0,
     shear: float = 0.0,
     tilt: float = 35.0,
+    warp: Floats | None = None,
+    motion: float = 0.0,
 ) -> Scene:
+    """``warp`` (corners, 3) shifts the board's corners; by ``motion`` (radians, std an axis) each board turns about the
+    camera while as many rows are read as the image is high.
+    """
     rng = np.random.default_rng(seed)
     project = PROJECTS[name]
     points = np.column_stack([lattice(BOARD), np.zeros(BOARD.columns * BOARD.rows)])
@@ -88,6 +93,8 @@ def make_scene(
     shaped = points + np.column_stack(
         [shear * (points - middle)[:, 1], stretch * (points - middle)[:, 1], bow * (1 - (xi**2).mean(axis=1))]
     )
+    shaped = shaped if warp is None else shaped + warp
+    moves = np.random.default_rng(seed + 1000)
     rotations, translations, corners = [], [], []
     while len(corners) < views:
         first = not corners
@@ -97,12 +104,35 @@ def make_scene(
         aim = np.zeros(2) if first else rng.uniform(-1.0, 1.0, 2) * (1.6 if name in ("fisheye", "equisolid") else 0.7)
         translation = depth * np.append(aim, 1.0) - rotation @ middle
         uv = project(shaped @ rotation.T + translation)
+        uv = rolled(project, shaped @ rotation.T + translation, moves.normal(0, motion, 3)) if motion else uv
         if not ((uv > 3).all() and (uv < np.array(SIZE) - 4).all()):
             continue
         corners.append(Corners(f"view{len(corners):02d}", np.arange(len(uv)), uv + rng.normal(0, noise, uv.shape)))
         rotations.append(rotation)
         translations.append(translation)
     return Scene(project, CornerSet(BOARD, SIZE, tuple(corners)), np.array(rotations), np.array(translations), noise)
+
+
+def rolled(project: Project, points: Floats, turn: Floats) -> Floats:
+    """Where ``points`` (n, 3) are seen that turn by ``turn`` while all rows are read, as each row meets its own."""
+    uv = project(points)
+    for _ in range(5):
+        late = (uv[:, 1] - uv[:, 1].mean()) / SIZE[1]
+        turned = Rotation.from_rotvec(late[:, None] * turn).apply(points)
+        uv = project(turned)
+    return uv
+
+
+def cockled(size: float, seed: int = 0) -> Floats:
+    """Smooth shifts (corners, 3) of the board's corners, squares, of rms ``size`` along each axis; no plane, stretch or
+    shear among them.
+    """
+    at = lattice(BOARD)
+    phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, (3, 2))
+    waves = np.stack([np.sin(at[:, 0] / 1.7 + a) * np.cos(at[:, 1] / 1.9 + b) for a, b in phases], axis=1)
+    planes = np.column_stack([np.ones(len(at)), at])
+    waves -= planes @ np.linalg.lstsq(planes, waves, rcond=None)[0]
+    return np.asarray(size * waves / np.sqrt((waves**2).mean(axis=0)))
 
 
 def true_intrinsics(scene: Scene) -> Floats:

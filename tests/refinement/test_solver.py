@@ -1,11 +1,12 @@
 """The linear algebra against slow and plain twins: dense least squares, and a dense Gaussian's marginal likelihood."""
 
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pinholify.board import lattice
+from pinholify.board import Checkerboard, lattice
 from pinholify.refinement.basis import sine_basis
 from pinholify.refinement.evidence import (
     Hyperparameters,
@@ -20,9 +21,10 @@ from pinholify.refinement.evidence import (
 from pinholify.refinement.model import Model, State, rotations_of
 from pinholify.refinement.normal import eliminate
 from pinholify.refinement.observations import Observations, image_frame, lattice_middle, observations
-from pinholify.refinement.shape import board_shape
+from pinholify.refinement.shape import BoardShape, board_shape
 from pinholify.refinement.solver import Loss, huber_loss, huber_weights, minimise, robust_scale
 from pinholify.refinement.spectral import density_named
+from pinholify.refinement.surface import surface_functions
 from pinholify.refinement.trends import LensTrend, Plane
 
 from .conftest import BOARD, FOCAL, SIZE, Scene, make_scene
@@ -46,8 +48,10 @@ def truth(scene: Scene, model: Model) -> State:
     return State(weights, beta, eta, scene.rotations, scene.translations + scene.rotations @ middle)
 
 
-def small_model(length_scale: float = 0.8) -> Model:
-    return Model(LensTrend(Plane(), False, 1), sine_basis(FRAME.half_size, length_scale), board_shape(BOARD))
+def small_model(length_scale: float = 0.8, *, extended: bool = False) -> Model:
+    """``extended`` by a warp of the board and motions of the boards."""
+    model = Model(LensTrend(Plane(), False, 1), sine_basis(FRAME.half_size, length_scale), board_shape(BOARD))
+    return replace(model, shape=model.shape.warped(0.01, 0.02), motion=0.3) if extended else model
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +62,8 @@ def scene() -> Scene:
 def disturbed(model: Model, state: State) -> State:
     rng = np.random.default_rng(5)
     theta = 1e-2 * rng.normal(size=len(state.globals))
-    return state.moved(theta, 1e-2 * rng.normal(size=(len(state.rotations), 6)))
+    own = 9 if model.motion else 6
+    return state.moved(theta, 1e-2 * rng.normal(size=(len(state.rotations), own)))
 
 
 def test_rotations_of_vectors_are_scipys() -> None:
@@ -68,8 +73,9 @@ def test_rotations_of_vectors_are_scipys() -> None:
     np.testing.assert_allclose(rotations_of(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-14)
 
 
-def test_derivatives_of_the_model(scene: Scene) -> None:
-    model, seen = small_model(), flattened(scene)
+@pytest.mark.parametrize("extended", [False, True])
+def test_derivatives_of_the_model(scene: Scene, extended: bool) -> None:
+    model, seen = small_model(extended=extended), flattened(scene)
     state = disturbed(model, truth(scene, model))
     at = model.predict(state, seen)
     linear = model.linearise(state, seen, at)
@@ -82,10 +88,26 @@ def test_derivatives_of_the_model(scene: Scene) -> None:
         else:
             expected = linear.shared[:, :, i - 2 * m]
         np.testing.assert_allclose(-(ahead - behind) / 2e-6, expected, atol=1e-6)
-    for i, step in enumerate(1e-6 * np.eye(6)):
+    assert linear.pose.shape[2] == (9 if extended else 6)
+    for i, step in enumerate(1e-6 * np.eye(linear.pose.shape[2])):
         moves = [np.tile(sign * step, (boards, 1)) for sign in (1, -1)]
         ahead, behind = (model.predict(state.moved(np.zeros(size), move), seen).residual for move in moves)
         np.testing.assert_allclose(-(ahead - behind) / 2e-6, linear.pose[:, :, i], atol=1e-6)
+    points = model.shape.seen_points(state.eta, seen)
+    for axis, step in enumerate(1e-6 * np.eye(3)):
+        moved = [replace(model, shape=_Moved(model.shape, points + sign * step)) for sign in (1, -1)]
+        ahead, behind = (each.predict(state, seen).residual for each in moved)
+        np.testing.assert_allclose(-(ahead - behind) / 2e-6, model.by_point(state, seen, at)[:, :, axis], atol=1e-6)
+
+
+class _Moved:
+    """A board whose points are given."""
+
+    def __init__(self, shape: BoardShape, points: np.ndarray) -> None:
+        self.prior_std, self.points = shape.prior_std, points
+
+    def seen_points(self, eta: np.ndarray, seen: Observations) -> np.ndarray:
+        return self.points
 
 
 def dense_jacobian(linear, seen: Observations) -> np.ndarray:
@@ -94,14 +116,16 @@ def dense_jacobian(linear, seen: Observations) -> np.ndarray:
     globals_ = np.concatenate(
         [np.stack([np.hstack([linear.basis, zero]), np.hstack([zero, linear.basis])], axis=1), linear.shared], axis=2
     )
-    poses = np.zeros((n, 2, 6 * seen.boards))
+    own = linear.pose.shape[2]
+    poses = np.zeros((n, 2, own * seen.boards))
     for i in range(n):
-        poses[i, :, 6 * seen.view[i] : 6 * seen.view[i] + 6] = linear.pose[i]
+        poses[i, :, own * seen.view[i] : own * (seen.view[i] + 1)] = linear.pose[i]
     return np.concatenate([globals_, poses], axis=2).reshape(2 * n, -1)
 
 
-def test_elimination_is_the_dense_schur_complement(scene: Scene) -> None:
-    model, seen = small_model(), flattened(scene)
+@pytest.mark.parametrize("extended", [False, True])
+def test_elimination_is_the_dense_schur_complement(scene: Scene, extended: bool) -> None:
+    model, seen = small_model(extended=extended), flattened(scene)
     state = disturbed(model, truth(scene, model))
     at = model.predict(state, seen)
     linear = model.linearise(state, seen, at)
@@ -111,18 +135,27 @@ def test_elimination_is_the_dense_schur_complement(scene: Scene) -> None:
     r = at.residual.ravel() * np.repeat(np.sqrt(weight), 2)
     size = len(state.globals)
     hessian, right = jacobian.T @ jacobian, jacobian.T @ r
+    stiff, moved = np.tile(linear.stiffness, seen.boards), linear.moved.ravel()
+    assert (moved[stiff > 0] != 0).all()
+    hessian[size:, size:] += np.diag(stiff)
+    right[size:] -= stiff * moved
     c, e = hessian[size:, size:], hessian[:size, size:]
     np.testing.assert_allclose(equations.matrix, hessian[:size, :size] - e @ np.linalg.solve(c, e.T), atol=1e-8)
     np.testing.assert_allclose(equations.right, right[:size] - e @ np.linalg.solve(c, right[size:]), atol=1e-8)
-    np.testing.assert_allclose(equations.log_det_poses, np.linalg.slogdet(c)[1])
+    np.testing.assert_allclose(
+        equations.log_det_poses, np.linalg.slogdet(c)[1] - np.log(stiff[stiff > 0]).sum(), rtol=1e-10
+    )
+    left = r @ r + stiff @ moved**2 - right[size:] @ np.linalg.solve(c, right[size:])
+    np.testing.assert_allclose(equations.misfit, left, rtol=1e-8)
     step = np.random.default_rng(2).normal(size=size)
     poses = np.linalg.solve(c, right[size:] - e.T @ step)
     np.testing.assert_allclose(equations.pose_steps(step).ravel(), poses, rtol=1e-6, atol=1e-8)
 
 
-def test_evidence_is_the_marginal_likelihood_of_a_dense_gaussian(scene: Scene) -> None:
+@pytest.mark.parametrize("extended", [False, True])
+def test_evidence_is_the_marginal_likelihood_of_a_dense_gaussian(scene: Scene, extended: bool) -> None:
     """Poses get a very wide prior; its volume is the only thing that the evidence leaves out."""
-    model, seen = small_model(), flattened(scene)
+    model, seen = small_model(extended=extended), flattened(scene)
     density, _ = density_named("se")
     state = truth(scene, model)
     at = model.predict(state, seen)
@@ -134,7 +167,9 @@ def test_evidence_is_the_marginal_likelihood_of_a_dense_gaussian(scene: Scene) -
 
     def difference(hyper: Hyperparameters) -> float:
         precision = hyper.precision(density, frequencies, model.trend_precision())
-        prior = np.append(1.0 / precision, np.full(6 * seen.boards, wide**2))
+        own = np.full(linear.pose.shape[2], wide**2)
+        own[6:] = (model.motion * hyper.noise) ** 2
+        prior = np.append(1.0 / precision, np.tile(own, seen.boards))
         covariance = (jacobian * prior) @ jacobian.T + hyper.noise**2 * np.eye(len(jacobian))
         # y = r + J θ₀ with the prior mean of θ at zero, that of the poses at their present place.
         y = at.residual.ravel() + jacobian[:, : len(precision)] @ state.globals
@@ -295,13 +330,47 @@ def test_huber() -> None:
 
 def test_shape_is_even_and_leaves_planes_to_the_poses() -> None:
     shape = board_shape(BOARD)
-    points = lattice(BOARD) - lattice_middle(BOARD)
     eta = np.append(np.random.default_rng(0).normal(size=6), [0.01, -0.02])
-    np.testing.assert_allclose(shape.height(eta, points), shape.height(eta, -points))
-    numeric = [(shape.points(eta + h, points) - shape.points(eta - h, points)) / 2e-6 for h in 1e-6 * np.eye(8)]
-    by_point = np.broadcast_to(np.eye(3), (len(points), 3, 3))
-    np.testing.assert_allclose(shape.slopes(by_point, points), np.stack(numeric, axis=2), atol=1e-8)
+    points = shape.points(eta)
+    np.testing.assert_allclose(points[:, 2], points[::-1, 2])  # half a turn counts the corners backwards
+    np.testing.assert_allclose(points[:, 1], 1.01 * shape.flat[:, 1])
+    np.testing.assert_allclose(points[:, 0], shape.flat[:, 0] - 0.02 * shape.flat[:, 1])
+    assert (shape.stretch(eta), shape.shear(eta)) == (0.01, -0.02)
     assert [s.prior_std.size for s in shape.smaller()] == [8, 6, 2, 0]
+    assert [s.options for s in shape.smaller()] == [2, 1, 1, 0]
+
+
+def test_a_warped_shape_carries_what_it_was(scene: Scene) -> None:
+    shape, seen = board_shape(BOARD), flattened(scene)
+    warped, rng = shape.warped(0.01, 0.02), np.random.default_rng(0)
+    eta = 0.01 * rng.normal(size=8)
+    np.testing.assert_allclose(warped.points(warped.carried(eta, shape)), shape.points(eta))
+    np.testing.assert_allclose(shape.carried(warped.carried(eta, shape), warped), eta)
+    assert warped.smaller() == [warped]
+    several = warped.prior_std * rng.normal(size=(2000, len(warped.prior_std)))
+    shifts = np.array([warped.warp(each) for each in several])
+    assert shifts.std() == pytest.approx(0.01, rel=0.03)
+    planes = np.column_stack([np.ones(54), warped.flat])
+    np.testing.assert_allclose(np.einsum("ni,knj->kij", planes, shifts), 0.0, atol=1e-12)
+    both = warped.warped(0.02, 0.01)
+    np.testing.assert_array_equal(both.functions, warped.functions)
+    np.testing.assert_allclose(both.prior_std[8::51], [0.02, 0.02, 0.01])
+    misplaced = replace(seen, placed=seen.view != 1)
+    expected, found = warped.seen_points(several[0], seen), warped.seen_points(several[0], misplaced)
+    np.testing.assert_array_equal(found[seen.view != 1], expected[seen.view != 1])
+    unwarped = warped.points(warped.carried(shape.carried(several[0], warped), shape))
+    np.testing.assert_allclose(found[seen.view == 1], unwarped)
+
+
+def test_a_surface_over_many_corners_is_the_one_through_some() -> None:
+    few, many = Checkerboard(20, 19), Checkerboard(40, 20)
+    assert surface_functions(lattice(few)).shape == (380, 60)
+    functions = surface_functions(lattice(many))
+    assert functions.shape == (800, 60)
+    assert (functions**2).sum(axis=1).mean() == pytest.approx(1.0)
+    planes = np.column_stack([np.ones(800), lattice(many)])
+    taken = np.linalg.lstsq(planes, functions, rcond=None)[1]
+    assert taken.sum() == pytest.approx((functions**2).sum())
 
 
 def test_averaging_the_process_leaves_the_evidence(scene: Scene) -> None:

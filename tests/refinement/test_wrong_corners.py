@@ -54,22 +54,26 @@ def test_wrong_corners_and_reversed_boards_cost_what_the_missing_corners_do(name
 
 
 def test_a_trend_tells_wrong_corners_before_the_full_solve(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Behind a strong lens the first solution leaves so much that a tenth of wrong corners hides in it."""
-    lens, board, rng = DATASETS["unity-pincushion"].lens, Checkerboard(15, 9), np.random.default_rng(12)
-    views, hits = [], []
-    for i, pose in enumerate(board_poses((lens,), board, 20, seed=0)):
-        uv = true_corners(lens, board, pose)
-        hit = rng.random(len(uv)) < 0.1
-        angle, length = rng.uniform(0, 2 * np.pi, len(uv)), rng.uniform(5, 50, len(uv)) * hit
-        moved = np.column_stack([np.cos(angle), np.sin(angle)]) * length[:, None]
-        views.append(Corners(f"view{i:02d}", np.arange(len(uv)), uv + rng.normal(0, 0.1, uv.shape) + moved))
-        hits.append(hit)
+    """Behind a strong lens the first solution leaves so much that a tenth of wrong corners hides in it.
+
+    Of four draws one needs the full solve to tell, and a second one without them; all end with none.
+    """
+    lens, board = DATASETS["unity-pincushion"].lens, Checkerboard(15, 9)
     solves = Mock(side_effect=joint.clean)
     monkeypatch.setattr(joint, "clean", solves)
-    result = refine(CornerSet(board, lens.size, tuple(views)), reference="view00")
-    assert solves.call_count == 1
-    assert result.noise_px == pytest.approx(0.1, rel=0.03)
-    assert sum(result.dropped_corners.values()) == np.sum(hits)
+    for seed in range(10, 14):
+        rng, views, hits = np.random.default_rng(seed), [], []
+        for i, pose in enumerate(board_poses((lens,), board, 20, seed=0)):
+            uv = true_corners(lens, board, pose)
+            hit = rng.random(len(uv)) < 0.1
+            angle, length = rng.uniform(0, 2 * np.pi, len(uv)), rng.uniform(5, 50, len(uv)) * hit
+            moved = np.column_stack([np.cos(angle), np.sin(angle)]) * length[:, None]
+            views.append(Corners(f"view{i:02d}", np.arange(len(uv)), uv + rng.normal(0, 0.1, uv.shape) + moved))
+            hits.append(hit)
+        result = refine(CornerSet(board, lens.size, tuple(views)), reference="view00")
+        assert result.noise_px == pytest.approx(0.1, rel=0.03)
+        assert sum(result.dropped_corners.values()) == np.sum(hits)
+    assert solves.call_count <= 5
 
 
 @pytest.mark.slow

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pinholify.cli.report import print_evaluation
-from pinholify.evaluation.shared_error import SharedError
 from pinholify.evaluation.summary import evaluate
 from pinholify.evaluation.verdict import judge
 from pinholify.geometry import ConvexRegion, convex_hull
 from pinholify.rectification.maps import rectification_map
 from pinholify.rectification.views import named_view
+from pinholify.refinement.sharing import SharedError
 from pinholify.report.contents import make_report
 from pinholify.report.contours import grid_pixels, region_inside, regions_above
 from pinholify.report.formats.html import render

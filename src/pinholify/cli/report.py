@@ -153,7 +153,7 @@ def _spread(std: float) -> str:
 
 
 def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
-    """What was found of a board that is not flat or not square: never silently."""
+    """What was found of a board that is not flat or not square, and of boards that moved: never silently."""
     bow, stretch = calibration.details.get("board_bow_squares"), calibration.details.get("board_stretch")
     facts = []
     if isinstance(bow, float):
@@ -161,6 +161,13 @@ def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
     if isinstance(stretch, float):
         lean = calibration.details.get("board_shear") or 0.0
         facts.append(("its print", f"{stretch:+.3%} longer along y than along x, leaning by {lean:+.3%}"))
+    warp = calibration.details.get("board_warp_squares")
+    if isinstance(warp, float):
+        millimetres = _millimetres(warp, calibration.square_mm)
+        facts.append(("its corners", f"{warp:.4f} squares{millimetres} off beyond that, rms"))
+    moved = calibration.details.get("motion_px")
+    if isinstance(moved, float) and moved > 0.0:
+        facts.append(("motion", f"{moved:.3f} px while the shutter rolled"))
     return facts
 
 

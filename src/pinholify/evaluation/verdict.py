@@ -11,7 +11,7 @@ from pinholify.arrays import Bools, Floats
 from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
-from pinholify.evaluation.shared_error import SharedError, shared_error
+from pinholify.evaluation.shared_error import shared_error_of
 from pinholify.evaluation.summary import NOT_ASKED, Evaluation
 from pinholify.evaluation.wrong_corners import MANY, TOO_MANY
 from pinholify.refinement.diagnosis import (
@@ -22,6 +22,7 @@ from pinholify.refinement.diagnosis import (
     residual_structure,
     suspicious_boards,
 )
+from pinholify.refinement.sharing import SharedError
 
 POOR_PX, POOR_RATIO = 1.0, 4.0  # held-out error: in px, and times what the noise alone would leave
 FAIR_RATIO = 1.5
@@ -74,7 +75,7 @@ def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
     covered = coverage(camera)
     advice = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
     left_out = structure_of(errors_left_out(evaluation, corner_set), corner_set)
-    shared = shared_error(evaluation.calibration, evaluation.observed.values())
+    shared = shared_error_of(evaluation.calibration, evaluation.observed.values())
     level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, left_out, suspicious)
     reasons += _remarks(evaluation, structure, shared)
     sentence = f"{level.capitalize()}: {_held_out(evaluation)}, {_known(evaluation)}"
@@ -126,15 +127,24 @@ def errors_left_out(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
 
 
 def noise_floor(evaluation: Evaluation, corner_set: CornerSet) -> float:
-    """What the corners' noise alone leaves, px a point: √2 times the std of a corner of typical weight."""
+    """What the corners' noise, and boards that moved, leave of any camera, px a point: √2 times the std of a corner of
+    typical weight.
+    """
     weights = np.concatenate([view.weights for view in evaluation.wrong.left_out_of(corner_set).found])
-    return float(np.sqrt(2.0 * (weights**-2.0).mean()) * evaluation.calibration.camera.noise_px)
+    error = np.hypot(evaluation.calibration.camera.noise_px, motion(evaluation.calibration))
+    return float(np.sqrt(2.0 * (weights**-2.0).mean()) * error)
 
 
 def coverage(camera: VirtualCamera) -> float:
     """The share of the image in the domain of ``camera``, where corners count."""
     u, v = ((np.arange(GRID) + 0.5) * extent / GRID - 0.5 for extent in camera.image_size)  # middles of equal cells
     return float(camera.inside(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)).mean())
+
+
+def motion(calibration: Calibration) -> float:
+    """By how many px, rms an axis, its boards moved while the shutter rolled, beyond what a pose makes good."""
+    moved = calibration.details.get("motion_px")
+    return float(moved) if isinstance(moved, (int, float)) else 0.0
 
 
 def disagreement(calibration: Calibration) -> float:
@@ -198,6 +208,12 @@ def _remarks(evaluation: Evaluation, structure: Structure, shared: SharedError) 
         remarks.append(
             f"the corners are off alike on every board, by {shared.rms_px:.2g} px (p = {shared.p_value:.1g}): is the "
             "board flat and printed true?"
+        )
+    moved = motion(evaluation.calibration)
+    if np.sqrt(2.0) * moved > FINEST_PX:
+        remarks.append(
+            f"the boards moved by {moved:.2g} px while the shutter rolled, which is allowed for: hold camera and board "
+            "still for more"
         )
     factor = disagreement(evaluation.calibration)
     if factor > 1.0:

@@ -46,6 +46,7 @@ WEAK = 0.05  # of the noise: a process as weak as this is no start for another t
 WORTH = 3.0  # nats that the process must bring for its two parameters
 BROKEN = 2.0  # times the noise that a leader promised
 DOUBT = 3.0  # nats: of trends that the corners hardly tell apart the more general promises less
+FREE = 0.01  # standard deviation of a prior that leaves a parameter free
 CONTENDERS, WINDOW = 3, 15.0  # how many of the best get a closer look, and how many nats behind the best
 
 
@@ -53,7 +54,7 @@ CONTENDERS, WINDOW = 3, 15.0  # how many of the best get a closer look, and how 
 class Setting:
     """What all candidates share: the ``density`` of the kernel with its number of ``scales``, the ``shape``,
     ``half_size`` (2,) of the image, ``covered`` (n, 2) points of it all over the part that corners cover,
-    ``shortest`` of the length scale's prior.
+    ``shortest`` of the length scale's prior, and the ``motion`` of boards in units of the noise.
     """
 
     density: LogDensity
@@ -62,6 +63,7 @@ class Setting:
     half_size: Floats
     covered: Floats
     shortest: float
+    motion: float = 0.0
 
     @property
     def image(self) -> Floats:
@@ -71,7 +73,7 @@ class Setting:
 
     def model(self, trend: Trend, basis: SineBasis | None = None) -> Model:
         """The joint model with ``trend``; without a process unless ``basis`` is given."""
-        return Model(trend, no_basis(self.half_size) if basis is None else basis, self.shape)
+        return Model(trend, no_basis(self.half_size) if basis is None else basis, self.shape, self.motion)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +95,7 @@ class Candidate:
         return len(self.hyperparameters.kernel) > 0
 
     @property
-    def generality(self) -> tuple[bool, int, int]:
+    def generality(self) -> tuple[bool, int, int, int]:
         """What makes one candidate more general than another: the process, the trend's order, its other parameters."""
         return self.on, *_generality(self.trend)
 
@@ -133,9 +135,10 @@ def solve_trend(
     state = State(
         np.zeros((0, 2)),
         beta,
-        known.state.eta if known.model.shape == setting.shape else np.zeros(len(setting.shape.prior_std)),
+        setting.shape.carried(known.state.eta, known.model.shape),
         turn @ known.state.rotations,
         known.state.translations @ turn.T,
+        known.state.motions @ turn.T,
     )
     return minimise(model, state, seen, model.trend_precision(), Loss(), most_steps=most_steps, tolerance=tolerance)
 
@@ -154,7 +157,7 @@ def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen:
     """
     state, trend = solution.state, solution.model.trend
     widened = setting.model(trend, basis)
-    state = State(np.zeros((len(basis), 2)), state.beta, state.eta, state.rotations, state.translations)
+    state = State(np.zeros((len(basis), 2)), state.beta, state.eta, state.rotations, state.translations, state.motions)
     linear = widened.linearise(state, seen, solution.prediction)
     equations = eliminate(linear, solution.prediction.residual, seen.weight**2, seen)
     return linearised(equations, seen.boards, state.globals, basis.frequencies, widened.trend_precision())
@@ -208,15 +211,18 @@ def _without_process(
 def _preferred(log_evidence: Floats, trends: Sequence[Trend], doubt: float) -> Ints:
     """The order of choice (n,): by evidence, but of those within ``doubt`` of the best the most general first."""
     doubtful = log_evidence >= log_evidence.max() - doubt
-    order, count = (
+    order, free, held = (
         np.where(doubtful, values, 0) for values in np.array([_generality(trend) for trend in trends]).T
     )
-    return np.lexsort((-log_evidence, -count, -order, ~doubtful))
+    return np.lexsort((-log_evidence, -held, -free, -order, ~doubtful))
 
 
-def _generality(trend: Trend) -> tuple[int, int]:
-    """The order of its radial law, of which a wrong one costs most, and the number of its parameters."""
-    return trend.order, len(trend.prior_std)
+def _generality(trend: Trend) -> tuple[int, int, int]:
+    """The order of its radial law, of which a wrong one costs most; how many parameters its prior leaves free; and less
+    the more others it has, which are not to be had for nothing.
+    """
+    free = int((trend.prior_std > FREE).sum())
+    return trend.order, free, free - len(trend.prior_std)
 
 
 def _removed(general: Trend, trends: Sequence[Trend], problem: Linearised) -> Bools:

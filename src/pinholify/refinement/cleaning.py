@@ -16,23 +16,27 @@ from pinholify.refinement.outliers import consistent, locally_consistent, misfit
 from pinholify.refinement.settle import Settled, settle
 from pinholify.refinement.solver import Loss, Solution, lengths, minimise, robust_scale
 from pinholify.refinement.start import ROBUST, STEPS, reposed
+from pinholify.refinement.trust import trusts
 
 ROUNDS = 3
 HALF = 0.5
 FAR = 4.0  # robust standard deviations, beyond which honest corners have a small part of the squares
 RAISED = 1.2  # times what the agreeing corners leave: no few honest ones at a strong lens's edge do that
+UNEVEN = 1.1  # times a weight, below which a change is not worth another solve
 NOISIER = 1.02  # times the noise, above which wrong corners hid some of the lens from the choice of the trend
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cleaned:
     """The finished solve of the corners ``seen``; ``residuals`` (n, 2) and ``inliers`` (n,) of all corners of
-    the used views by name, and ``misfits``: why the other views were not used. ``rechoose``: whether the trend was
-    chosen with corners that are wrong, and that hid some of the lens.
+    the used views by name, and ``misfits``: why the other views were not used. ``everything`` is all that was given,
+    each board with the weight that it deserves. ``rechoose``: whether the trend was chosen with corners that are wrong
+    or had too much weight, and that hid some of the lens.
     """
 
     settled: Settled
     seen: Observations
+    everything: Observations
     rechoose: bool
     residuals: Mapping[str, Floats]
     inliers: Mapping[str, Bools]
@@ -78,17 +82,20 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
     these stand.
     """
     settled = settle(setting, best, seen)
-    first_noise = settled.hyperparameters.noise
+    first_noise, given, trust = settled.hyperparameters.noise, everything, np.ones(everything.boards)
     for _ in range(ROUNDS):
+        before, trust = trust, _trusted(settled, seen, everything, trust)
+        everything = given.weighted(trust)
         state, residual = _judged(settled, seen, everything)
         keep, misfits = _verdict(residual, settled.hyperparameters.noise, everything)
-        if np.array_equal(everything.image[keep], seen.image):
+        if np.array_equal(everything.image[keep], seen.image) and not _apart(trust, before):
             break
         if not keep.any():
             raise CalibrationError("no board agrees with the others: look for a wrong board size")
         seen = everything.select(keep)
         kept = np.isin(np.arange(everything.boards), everything.view[keep])
         best = replace(best, hyperparameters=settled.hyperparameters)
+        setting = replace(setting, shape=settled.model.shape, motion=settled.model.motion)
         settled = settle(setting, best, seen, (state.of_boards(kept), settled.model.basis))
     state, residual = _judged(settled, seen, everything)
     inside = dict(zip(everything.names, everything.slices(), strict=True))
@@ -97,11 +104,25 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
     return Cleaned(
         settled,
         seen,
-        first_noise > NOISIER * settled.hyperparameters.noise,
+        everything,
+        _apart(trust, np.ones(1)) or first_noise > NOISIER * settled.hyperparameters.noise,
         {name: residual[inside[name]] for name in seen.names},
         {name: inlier[inside[name]] for name in seen.names},
         misfits,
     )
+
+
+def _trusted(settled: Settled, seen: Observations, everything: Observations, present: Floats) -> Floats:
+    """By what to multiply each board's weights (K,), boards aside as they are; what changes little stays as at
+    ``present`` (K,).
+    """
+    used, found = np.isin(everything.names, seen.names), present.copy()
+    found[used] = trusts(settled, seen, present[used])
+    return found if _apart(found, present) else present
+
+
+def _apart(weights: Floats, others: Floats) -> bool:
+    return bool(np.abs(np.log(weights / others)).max() > np.log(UNEVEN))
 
 
 def _judged(settled: Settled, seen: Observations, everything: Observations) -> tuple[State, Floats]:
@@ -113,9 +134,10 @@ def _judged(settled: Settled, seen: Observations, everything: Observations) -> t
     model, camera = settled.model, settled.solution.state
     used = np.isin(everything.names, seen.names)
     state = reposed(model, camera, everything)
-    rotations, translations = np.array(state.rotations), np.array(state.translations)
-    rotations[used], translations[used] = camera.rotations, camera.translations
-    state = replace(state, rotations=rotations, translations=translations)
+    poses = [np.array(each) for each in (state.rotations, state.translations, state.motions)]
+    for all_of_them, found in zip(poses, (camera.rotations, camera.translations, camera.motions), strict=True):
+        all_of_them[used] = found
+    state = replace(state, **dict(zip(("rotations", "translations", "motions"), poses, strict=True)))
     seen_at_all = np.isfinite(model.predict(state, everything).residual).all(axis=1)
     aside = ~used & (everything.sums((~seen_at_all).astype(float)) == 0)
     if aside.any():
@@ -123,7 +145,9 @@ def _judged(settled: Settled, seen: Observations, everything: Observations) -> t
         loss = Loss(settled.hyperparameters.noise, ROBUST.huber)
         posed = minimise(model, state.of_boards(aside), some, settled.precision, loss, poses_only=True)
         if posed is not None:
+            rotations, translations, motions = poses
             rotations[aside], translations[aside] = posed.state.rotations, posed.state.translations
+            motions[aside] = posed.state.motions
     return state, model.predict(state, everything).residual
 
 

@@ -35,7 +35,7 @@ def disagreement(settled: Settled, seen: Observations, plane_map: JointMap) -> f
     pulls, spreads = [], []
     for rows in seen.slices():
         weight = np.repeat(seen.weight[rows], 2)[:, None]
-        basis = np.linalg.qr(linear.pose[rows].reshape(-1, POSE) * weight)[0]
+        basis = np.linalg.qr(linear.pose[rows].reshape(len(weight), -1) * weight)[0]
         free = moved[rows].reshape(len(weight), -1) * weight
         free -= basis @ (basis.T @ free)  # what no pose makes good
         pulls.append(free.T @ (solution.prediction.residual[rows].ravel() * weight[:, 0]) / noise)

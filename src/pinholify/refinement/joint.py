@@ -9,13 +9,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats
-from pinholify.board import lattice
 from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement.candidates import Candidate, Setting, candidates, contest
 from pinholify.refinement.cleaning import Cleaned, clean, screen, spoilt
 from pinholify.refinement.disagreement import disagreement
+from pinholify.refinement.motion import motion_of, motion_rms
 from pinholify.refinement.observations import (
     ImageFrame,
     Observations,
@@ -33,14 +33,16 @@ from pinholify.refinement.result import (
     shape_of,
 )
 from pinholify.refinement.settle import SolveError, best_shape
-from pinholify.refinement.shape import board_shape
+from pinholify.refinement.shape import WARP, board_shape
 from pinholify.refinement.solver import Solution
 from pinholify.refinement.spectral import density_named
 from pinholify.refinement.start import first_solution, given_lens
 from pinholify.refinement.trends import Search, searches_named
+from pinholify.refinement.warp import warp_of
 
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
+EXTENSIONS = 2  # of the model, as one may hide another
 COVERED = 0.995  # of the corners: some that were found far off do not count
 SECOND_CHOICES = 8  # candidates that get a chance where no finalist can be solved
 
@@ -85,17 +87,21 @@ def refine(
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
     seen, known = screen(first, everything)
     finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
-    if cleaned.rechoose:
-        say("some corners were wrong: choosing the trend again without them")
-        seen, known = cleaned.seen, cleaned.settled.solution
-        finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
+    for extension in range(EXTENSIONS):
+        richer = _richer(setting, cleaned, say)
+        if richer is setting and (extension or not cleaned.rechoose):
+            break
+        say("choosing the trend again")
+        moving = richer.motion and not setting.motion  # what looked like boards' noise may be their motion
+        setting, seen, known = richer, cleaned.seen, cleaned.settled.solution
+        finalists, cleaned = _refined(setting, stages, known, seen, everything if moving else cleaned.everything, trend)
     for candidate in finalists:
         say(f"trend {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
     _check(reference, [v for v in views if v.name in cleaned.seen.names], {**unusable, **cleaned.misfits})
     settled = cleaned.settled
     say(f"noise {settled.hyperparameters.noise * frame.scale:.4g} px with trend {settled.model.trend.name}")
     evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in finalists)
-    result = _result(corner_set, cleaned, everything, frame, reference, kernel, evidences, unusable)
+    result = _result(corner_set, cleaned, frame, reference, kernel, evidences, unusable)
     return result if given is None else replace(result, start_fits=fits)
 
 
@@ -122,6 +128,20 @@ def _refined(
     raise CalibrationError(
         f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"
     )
+
+
+def _richer(setting: Setting, cleaned: Cleaned, say: Progress) -> Setting:
+    """``setting`` with what the finished solve without it asks for: a warp of the board, motions of the boards."""
+    solution, seen = cleaned.settled.solution, cleaned.seen
+    if not setting.shape.has(WARP):
+        warped = warp_of(solution, setting.shape, seen, setting.density, cleaned.settled.hyperparameters)
+        if warped is not None:
+            say("the board's corners are off alike in all views: the board gets a shape of its own")
+            setting = replace(setting, shape=warped)
+    if not setting.motion and (motion := motion_of(solution, seen)):
+        say("the boards moved while the shutter rolled: each gets a motion of its own")
+        setting = replace(setting, motion=motion)
+    return setting
 
 
 def _ranked(
@@ -165,7 +185,6 @@ def _per_px(log_evidence: float, seen: Observations, frame: ImageFrame) -> float
 def _result(
     corner_set: CornerSet,
     cleaned: Cleaned,
-    everything: Observations,
     frame: ImageFrame,
     reference: str,
     kernel: str,
@@ -178,6 +197,7 @@ def _result(
     plane_map = plane_map.with_disagreement(disagreement(settled, seen, plane_map))
     hyper = settled.hyperparameters
     noise_px = hyper.noise * frame.scale
+    motion_px = motion_rms(settled.solution, seen) * frame.scale if settled.model.motion else 0.0
     residuals = {name: r * frame.scale * frame.signs for name, r in cleaned.residuals.items()}
     kernel_px = tuple(float(value) * frame.scale for value in np.exp(hyper.kernel))
     return JointResult(
@@ -192,7 +212,8 @@ def _result(
         trend=settled.model.trend.name,
         candidates=evidences,
         kernel_px=kernel_px,
-        shape=shape_of(settled, lattice(corner_set.board) - middle),
+        shape=shape_of(settled),
         log_evidence=_per_px(settled.log_evidence, seen, frame),
         disagreement=plane_map.disagreement,
+        motion_px=motion_px,
     )

@@ -10,8 +10,6 @@ from pinholify.arrays import Floats
 from pinholify.refinement.model import Linearisation
 from pinholify.refinement.observations import Observations
 
-POSE = 6
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NormalEquations:
@@ -20,7 +18,8 @@ class NormalEquations:
     ``matrix`` (D, D) S and ``right`` (D,) of S δθ = right; ``misfit`` the sum of squares that poses alone
     leave; ``log_det_poses`` Σ log|C_k|; ``inverse_roots`` (K, 6, 6) L⁻¹ of C_k = L Lᵀ; ``cross`` (K, 6, D)
     L⁻¹ E_k with E_k the block of pose and globals; ``pose_right`` (K, 6) L⁻¹ of the poses' right-hand sides;
-    ``rows`` the number of residuals.
+    ``rows`` the number of residuals. Where boards move, 6 is 9: a motion and its prior are a part of the pose, which
+    then takes that prior's determinant along.
     """
 
     matrix: Floats
@@ -50,20 +49,23 @@ def eliminate(
     basis = linear.basis if (weight == 1.0).all() else linear.basis * root
     dense = np.concatenate([linear.pose, linear.shared, residual[:, :, None]], axis=2)
     dense *= root[:, :, None]
+    own, stiff = linear.pose.shape[2], linear.stiffness
     gram = linear.functions.gram(linear.undisplaced, weight)
-    matrix, right = _global_blocks(gram, basis, dense[:, :, POSE:], damping)
-    products = _board_products(basis, dense, seen)
-    blocks = products[:, :, -POSE:] * (1.0 + damping * np.eye(POSE))
-    inverse_roots = np.linalg.inv(np.linalg.cholesky(blocks))
-    reduced = inverse_roots @ products[:, :, :-POSE]
+    matrix, right = _global_blocks(gram, basis, dense[:, :, own:], damping)
+    products = _board_products(basis, dense, seen, own)
+    products[:, :, -own - 1] -= stiff * linear.moved
+    products[:, :, -own:] += np.diag(stiff)
+    inverse_roots = np.linalg.inv(np.linalg.cholesky(products[:, :, -own:] * (1.0 + damping * np.eye(own))))
+    reduced = inverse_roots @ products[:, :, :-own]
     cross, pose_right = reduced[:, :, :-1], reduced[:, :, -1]
     flat = cross.reshape(-1, cross.shape[2])
     log_det = -2.0 * float(np.log(np.diagonal(inverse_roots, axis1=1, axis2=2)).sum())
+    log_det -= seen.boards * float(np.log(stiff[stiff > 0.0]).sum())
     r = dense[:, :, -1]
     return NormalEquations(
         matrix - flat.T @ flat,
         right - flat.T @ pose_right.ravel(),
-        float((r**2).sum() - (pose_right**2).sum()),
+        float((r**2).sum() + (stiff * linear.moved**2).sum() - (pose_right**2).sum()),
         log_det,
         inverse_roots,
         cross,
@@ -90,15 +92,17 @@ def _global_blocks(gram: Floats, basis: Floats, dense: Floats, damping: float) -
     return matrix, right
 
 
-def _board_products(basis: Floats, dense: Floats, seen: Observations) -> Floats:
-    """The poses' derivatives times all others, the residual and themselves: (K, 6, D + 1 + 6)."""
-    m, others = basis.shape[1], dense.shape[2] - POSE
-    products = np.empty((seen.boards, POSE, 2 * m + others + POSE))
+def _board_products(basis: Floats, dense: Floats, seen: Observations, pose: int) -> Floats:
+    """The derivatives by the ``pose`` numbers of each board times all others, the residual and themselves,
+    (K, pose, D + 1 + pose).
+    """
+    m, others = basis.shape[1], dense.shape[2] - pose
+    products = np.empty((seen.boards, pose, 2 * m + others + pose))
     for k, rows in enumerate(seen.slices()):
         flat = dense[rows].reshape(-1, dense.shape[2])
-        own = flat[:, :POSE].T @ flat
-        products[k, :, 2 * m : 2 * m + others], products[k, :, 2 * m + others :] = own[:, POSE:], own[:, :POSE]
+        own = flat[:, :pose].T @ flat
+        products[k, :, 2 * m : 2 * m + others], products[k, :, 2 * m + others :] = own[:, pose:], own[:, :pose]
         if m:
-            products[k, :, :m] = dense[rows, 0, :POSE].T @ basis[rows]
-            products[k, :, m : 2 * m] = dense[rows, 1, :POSE].T @ basis[rows]
+            products[k, :, :m] = dense[rows, 0, :pose].T @ basis[rows]
+            products[k, :, m : 2 * m] = dense[rows, 1, :pose].T @ basis[rows]
     return products

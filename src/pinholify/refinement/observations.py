@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,13 +54,18 @@ def image_frame(image_size: tuple[int, int], mirrored: bool) -> ImageFrame:
 class Observations:
     """N corners of K boards, sorted by board.
 
-    ``image`` (N, 2) normalised image coordinates, ``lattice`` (N, 2) squares from the board's middle,
-    ``weight`` (N,) multiplies a residual, ``view`` (N,) is the board's index, ``starts`` (K,) its first
-    corner, ``names`` (K,).
+    ``image`` (N, 2) normalised image coordinates, ``lattice`` (N, 2) squares from the board's middle, ``corner`` (N,)
+    the corner's id, ``placed`` (N,) whether the view tells which of all corners it is, and not only which beside the
+    others of the view; ``row`` (N,) is how far below the board's middle it lies in the image, and so how much later it
+    was read where the shutter rolls; ``weight`` (N,) multiplies a residual, ``view`` (N,) is the board's index,
+    ``starts`` (K,) its first corner, ``names`` (K,).
     """
 
     image: Floats
     lattice: Floats
+    corner: Ints
+    placed: Bools
+    row: Floats
     weight: Floats
     view: Ints
     starts: Ints
@@ -84,7 +89,21 @@ class Observations:
         """The corners where ``keep`` (N,) is true; boards left without any vanish."""
         kept, starts, view = np.unique(self.view[keep], return_index=True, return_inverse=True)
         names = tuple(self.names[k] for k in kept)
-        return Observations(self.image[keep], self.lattice[keep], self.weight[keep], view, starts, names)
+        return Observations(
+            self.image[keep],
+            self.lattice[keep],
+            self.corner[keep],
+            self.placed[keep],
+            self.row[keep],
+            self.weight[keep],
+            view,
+            starts,
+            names,
+        )
+
+    def weighted(self, factors: Floats) -> Observations:
+        """The same with the weights of each board multiplied by its own of the ``factors`` (K,)."""
+        return replace(self, weight=self.weight * factors[self.view])
 
     def thinned(self) -> Observations:
         """Some corners of all boards: they tell in a fraction of the time where all of them will lead."""
@@ -103,9 +122,13 @@ def lattice_middle(board: Board) -> Floats:
 def observations(views: Sequence[Corners], board: Board, frame: ImageFrame) -> Observations:
     """All corners of ``views``, each of which has at least one."""
     sizes = np.array([len(view) for view in views])
+    image = [frame.normalise(view.uv) for view in views]
     return Observations(
-        frame.normalise(np.concatenate([view.uv for view in views])),
+        np.concatenate(image),
         np.concatenate([view.lattice(board) for view in views]) - lattice_middle(board),
+        np.concatenate([view.ids for view in views]),
+        np.repeat([not view.ambiguous_offset for view in views], sizes),
+        np.concatenate([each[:, 1] - each[:, 1].mean() for each in image]),
         np.concatenate([view.weights for view in views]),
         np.repeat(np.arange(len(views)), sizes),
         np.concatenate([[0], np.cumsum(sizes)[:-1]]),

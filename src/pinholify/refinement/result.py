@@ -12,12 +12,14 @@ from pinholify.arrays import Bools, Floats
 from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import AngleChart, Intrinsics
 from pinholify.geometry import Pose, convex_hull
-from pinholify.refinement.maps import JointMap
+from pinholify.refinement.maps import POSE, JointMap
 from pinholify.refinement.observations import ImageFrame, Observations
 from pinholify.refinement.settle import Settled
+from pinholify.refinement.shape import BEND, STRETCH, WARP
 
 ENOUGH_TO_TURN = 1000  # corners to fit three angles to
-DOMAIN_STD = 5.0  # standard deviations of a corner (as boards disagree by), beyond which the map is not believed
+DOMAIN_STD = 5.0  # standard deviations of a corner (as boards disagree by), beyond which the map is not believed,
+DOMAIN_SHARE = 0.004  # or this part of half the image's diagonal, whichever is more
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,14 +28,16 @@ class Shape:
 
     ``bow`` is the largest height difference over the board in squares, None where the data prefer a flat
     board; ``stretch`` is how much longer a square is along y than along x, a fraction, and ``shear`` how far its
-    columns lean towards x for each square along y; None where they prefer squares. ``height`` (corners of the board,)
-    in squares by id, away from the camera positive.
+    columns lean towards x for each square along y; ``warp`` is the rms of what else shifts its corners in its plane, in
+    squares; each None where the data prefer a board without. ``points`` (corners of the board, 3) in squares by id,
+    from the board's middle, away from the camera positive.
     """
 
     bow: float | None
     stretch: float | None
     shear: float | None
-    height: Floats
+    warp: float | None
+    points: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +52,7 @@ class JointResult:
     ``kernel_px`` is (σ_f, length scales) in px, empty where the evidence switched the process off. ``start_fits``:
     whether the camera that was given as a start explains the corners; None where none was given. ``disagreement``: how
     many times larger the boards' disagreement, and so every standard deviation, is than the noise makes it.
+    ``motion_px`` is by how much boards moved while the shutter rolled, beyond what a pose makes good: rms an axis.
     """
 
     camera: VirtualCamera
@@ -65,6 +70,7 @@ class JointResult:
     log_evidence: float
     start_fits: bool | None = None
     disagreement: float = 1.0
+    motion_px: float = 0.0
 
     @property
     def intrinsics_std(self) -> Floats:
@@ -108,10 +114,10 @@ def covariance_root(settled: Settled, board: int) -> Floats:
         scale[:, None]
         * solve_triangular(np.linalg.cholesky(whitened), np.eye(len(scale)), lower=True, check_finite=False).T
     )
-    back = equations.inverse_roots[board].T
+    back = equations.inverse_roots[board].T[:POSE]
     pose = np.concatenate([-back @ (equations.cross[board] @ globals_root), noise * back], axis=1)
     kept = len(scale) - len(settled.model.shape.prior_std)
-    widened = np.concatenate([globals_root[:kept], np.zeros((kept, 6))], axis=1)
+    widened = np.concatenate([globals_root[:kept], np.zeros((kept, back.shape[1]))], axis=1)
     return np.concatenate([widened, pose])
 
 
@@ -124,7 +130,7 @@ def intrinsics_of(plane_map: JointMap) -> Intrinsics:
 def camera_of(plane_map: JointMap, seen: Observations, image_size: tuple[int, int], noise_px: float) -> VirtualCamera:
     """The virtual camera in the reference board's frame, believed inside the hull of all corners."""
     frame = plane_map.frame
-    limit = DOMAIN_STD * noise_px * plane_map.disagreement
+    limit = max(DOMAIN_STD * noise_px * plane_map.disagreement, DOMAIN_SHARE * frame.scale)
     domain = Domain(convex_hull(frame.restore(seen.image)), limit)
     chart = AngleChart(plane_map.rotation.T)
     return VirtualCamera(plane_map, chart, intrinsics_of(plane_map), domain, image_size, noise_px, frame.mirrored)
@@ -147,13 +153,14 @@ def poses_of(settled: Settled, seen: Observations, plane_map: JointMap) -> dict[
     }
 
 
-def shape_of(settled: Settled, lattice: Floats) -> Shape:
-    """The board's shape at its ``lattice`` from the middle."""
+def shape_of(settled: Settled) -> Shape:
+    """The board's shape."""
     shape, eta = settled.model.shape, settled.solution.state.eta
-    height = shape.height(eta, lattice)
+    points, stretches, warps = shape.points(eta), shape.has(STRETCH), shape.has(WARP)
     return Shape(
-        float(np.ptp(height)) if shape.bends else None,
-        shape.stretch(eta) if shape.stretches else None,
-        shape.shear(eta) if shape.stretches else None,
-        height,
+        float(np.ptp(points[:, 2])) if shape.has(BEND) or warps else None,
+        shape.stretch(eta) if stretches else None,
+        shape.shear(eta) if stretches else None,
+        float(np.sqrt((shape.warp(eta) ** 2).sum(axis=1).mean())) if warps else None,
+        points,
     )

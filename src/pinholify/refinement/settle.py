@@ -12,11 +12,13 @@ from pinholify.refinement.basis import REACH, SineBasis, no_basis, sine_basis
 from pinholify.refinement.candidates import SCREENING_LENGTH_SCALE, WORTH, Candidate, Setting, solve_trend
 from pinholify.refinement.evidence import Hyperparameters, Linearised, linearised, maximise_evidence, posterior
 from pinholify.refinement.model import Model, State
+from pinholify.refinement.motion import motion_of
 from pinholify.refinement.normal import NormalEquations, eliminate
 from pinholify.refinement.observations import Observations
-from pinholify.refinement.shape import BoardShape
+from pinholify.refinement.shape import WARP, BoardShape
 from pinholify.refinement.solver import Loss, Solution, measured, minimise
 from pinholify.refinement.spectral import LogDensity
+from pinholify.refinement.warp import refitted
 
 ROUNDS = 6
 SETTLED = 0.02  # change of any log hyperparameter
@@ -49,10 +51,12 @@ def best_shape(setting: Setting, candidate: Candidate) -> tuple[BoardShape, Cand
     """The shape of the board that the candidate's evidence prefers, flat and square unless another is worth it; and
     the candidate with the hyperparameters of that evidence.
     """
-    problem = candidate.problem
+    problem, families = candidate.problem, setting.shape.smaller()
+    if len(families) == 1:
+        return families[0], candidate
     first = len(problem.theta) - len(setting.shape.prior_std)
     found = []
-    for shape in setting.shape.smaller():
+    for shape in families:
         removed = np.concatenate([np.zeros(first, dtype=bool), ~setting.shape.kept(shape)])
         fit = maximise_evidence(
             problem.without(removed),
@@ -62,7 +66,7 @@ def best_shape(setting: Setting, candidate: Candidate) -> tuple[BoardShape, Cand
             resolved=FINEST,
             most=6,
         )
-        cost = WORTH * (shape.bends + shape.stretches)
+        cost = WORTH * shape.options
         found.append((fit.log_evidence - cost, shape, fit.hyperparameters))
     _, shape, hyperparameters = max(found, key=lambda each: each[0])
     return shape, replace(candidate, hyperparameters=hyperparameters)
@@ -77,11 +81,12 @@ def settle(
     Raises SolveError where the solve breaks down.
     """
     hyperparameters, (state, before) = candidate.hyperparameters, known or _promised(setting, candidate, seen)
-    resolved = _resolved(hyperparameters)
+    resolved, shape, motion = _resolved(hyperparameters), setting.shape, setting.motion
     for _ in range(ROUNDS):
         basis = _basis(setting, hyperparameters, resolved)
         state, before = replace(state, weights=_carried(state.weights, before, basis)), basis
-        settled = _solve(setting.model(candidate.trend, basis), setting.density, state, seen, hyperparameters)
+        settled = _solve(Model(candidate.trend, basis, shape, motion), setting.density, state, seen, hyperparameters)
+        settled = _rewarped(settled, setting.density)
         fit = maximise_evidence(
             settled.problem,
             setting.density,
@@ -90,8 +95,11 @@ def settle(
             resolved=resolved,
             most=15,
         )
-        moved = np.abs(_logarithms(fit.hyperparameters) - _logarithms(hyperparameters)).max()
-        hyperparameters, state = fit.hyperparameters, settled.solution.state
+        before_it = np.append(_logarithms(hyperparameters), np.log(shape.prior_std))
+        hyperparameters, state, shape = fit.hyperparameters, settled.solution.state, settled.model.shape
+        if motion:
+            motion = motion_of(settled.solution, seen) or motion
+        moved = np.abs(np.append(_logarithms(hyperparameters), np.log(shape.prior_std)) - before_it).max()
         finest = _finest_detail(hyperparameters)
         crowded = resolved > FINEST and SAFETY**0.5 * finest < resolved
         if moved < SETTLED and not crowded:
@@ -112,7 +120,7 @@ def _promised(setting: Setting, candidate: Candidate, seen: Observations) -> tup
     theta = problem.theta + posterior(problem, precision, best.noise).delta
     weights, beta, eta = np.split(theta, np.cumsum([2 * len(problem.frequencies), len(candidate.trend.prior_std)]))
     basis = _basis(setting, best, SCREENING_LENGTH_SCALE)
-    poses = origin.state.rotations, origin.state.translations
+    poses = origin.state.rotations, origin.state.translations, origin.state.motions
     state = State(weights.reshape(2, -1).T, beta, eta, *poses)
     if setting.model(candidate.trend, basis).predict(state, seen).valid:
         return state, basis
@@ -148,6 +156,15 @@ def _solve(
         if damped or promised < CONVERGED:
             break
     return Settled(model, here, equations, problem, hyperparameters, -np.inf, precision)
+
+
+def _rewarped(settled: Settled, density: LogDensity) -> Settled:
+    """The same with the board's warp, if it has one, as large as the evidence has it there."""
+    if not settled.model.shape.has(WARP):
+        return settled
+    warp = refitted(settled.model.shape, settled.problem, density, settled.hyperparameters)
+    model = replace(settled.model, shape=warp.shape)
+    return replace(settled, model=model, problem=replace(settled.problem, precision=model.trend_precision()))
 
 
 def _found(solution: Solution | None, model: Model) -> Solution:

@@ -1,88 +1,135 @@
-"""Boards that are neither flat nor square: a smooth height and a print scale, shared by all views.
+"""Boards that are neither flat nor square: a smooth shape shared by all views, linear in its parameters η.
 
-Height in squares over the lattice: z = Σ h_j m_j(ξ, υ) with even monomials of ξ, υ ∈ [−1, 1], so that a half
-turn of the board, which a picture may not show, changes nothing. Constants and tilts are poses. A print is stretched
-along y against x and sheared, as a printer feeds its paper: Y → (1 + ε) Y, X → X + γ Y.
+Three parts, each with or without. *Bend*: a height z = Σ η_j m_j(ξ, υ) with even monomials of ξ, υ ∈ [−1, 1], so that a
+half turn of the board, which a picture may not show, changes nothing. *Stretch*: a print longer along y than along x,
+and sheared, as a printer feeds its paper: Y → (1 + ε) Y, X → X + γ Y. *Warp*: smooth shifts of all corners, along x, y
+and z, whatever form they have. Constants, turns and tilts are poses, the scale of a square is the unit.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import chain, product
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pinholify.arrays import Bools, Floats
-from pinholify.board import Board, outline
+from pinholify.arrays import Bools, Floats, Ints
+from pinholify.board import Board, lattice
+from pinholify.refinement.observations import Observations, lattice_middle
+from pinholify.refinement.surface import surface_functions
 
 HEIGHT_STD = 0.1  # squares
 STRETCH_STD = 0.003  # of ε and of γ
-HEIGHTS = 6  # ξ², ξυ, υ², ξ⁴, ξ²υ², υ⁴
+BEND, STRETCH, WARP = "bend", "stretch", "warp"
+OPTIONAL = (BEND, STRETCH)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class BoardShape:
-    """The family of shapes; its parameters η are six heights (squares) where ``bends``, then ε and γ where
-    ``stretches``.
+    """A family of shapes of a board whose corners stand at ``flat`` (n, 2), squares from its middle.
+
+    Each of its parameters η (S,) shifts corners along one ``axis`` (S,) of the board, 0, 1 or 2, by its own of the
+    ``functions`` (n, S), and belongs to one ``part`` (S,); ``prior_std`` (S,) in squares, about the mean of zero.
     """
 
-    half_columns: float
-    half_rows: float
-    bends: bool = True
-    stretches: bool = True
+    flat: Floats
+    functions: Floats
+    axis: Ints
+    part: NDArray[np.str_]
+    prior_std: Floats
 
-    @property
-    def prior_std(self) -> Floats:
-        """Standard deviations of η, whose prior mean is zero."""
-        heights = [HEIGHT_STD] * (HEIGHTS if self.bends else 0)
-        return np.array(heights + [STRETCH_STD] * (2 * self.stretches))
+    def of(self, *parts: str) -> BoardShape:
+        """The family within this one that has these ``parts`` alone."""
+        keep = np.isin(self.part, parts)
+        return BoardShape(self.flat, self.functions[:, keep], self.axis[keep], self.part[keep], self.prior_std[keep])
 
-    def kept(self, smaller: BoardShape) -> Bools:
-        """Which of this family's η the ``smaller`` family has too."""
-        heights = [smaller.bends] * (HEIGHTS if self.bends else 0)
-        return np.array(heights + [smaller.stretches] * (2 * self.stretches), dtype=bool)
+    def has(self, part: str) -> bool:
+        """Whether ``part`` is free."""
+        return part in self.part
 
     def smaller(self) -> list[BoardShape]:
-        """All families within this one, itself first and the flat square board last."""
-        pairs = [(b, s) for b in (True, False) for s in (True, False) if b <= self.bends and s <= self.stretches]
-        return [replace(self, bends=b, stretches=s) for b, s in pairs]
+        """All families within this one that lack a bend or a stretch, itself first. A board that is warped has both:
+        how much of each is hard to tell from the lens, and to hold it at none would be to know it.
+        """
+        if self.has(WARP):
+            return [self]
+        choices = product(*(((part,), ()) if self.has(part) else ((),) for part in OPTIONAL))
+        return [self.of(*chain(*choice)) for choice in choices]
 
-    def points(self, eta: Floats, lattice: Floats) -> Floats:
-        """Points (n, 3) of the board for ``lattice`` (n, 2) from its middle."""
-        height = self._monomials(lattice) @ eta[:HEIGHTS] if self.bends else np.zeros(len(lattice))
-        x, y = lattice.T
-        return np.column_stack([x + self.shear(eta) * y, y * (1.0 + self.stretch(eta)), height])
+    @property
+    def options(self) -> int:
+        """How many parts it has that it could lack."""
+        return sum(self.has(part) for part in OPTIONAL)
 
-    def slopes(self, by_point: Floats, lattice: Floats) -> Floats:
-        """The derivatives (n, m, η) by η of what has the derivatives ``by_point`` (n, m, 3) by the board's points."""
-        slopes = np.empty((*by_point.shape[:2], len(self.prior_std)))
-        if self.bends:
-            np.multiply(by_point[:, :, 2:], self._monomials(lattice)[:, None], out=slopes[:, :, :HEIGHTS])
-        if self.stretches:
-            np.multiply(by_point[:, :, 1::-1], lattice[:, 1:, None], out=slopes[:, :, -2:])
-        return slopes
+    def kept(self, smaller: BoardShape) -> Bools:
+        """Which of this family's η (S,) the ``smaller`` family has too."""
+        return np.isin(self.part, smaller.part)
+
+    def carried(self, eta: Floats, of: BoardShape) -> Floats:
+        """The parameters of what ``eta`` is ``of`` another family of the board, as far as this one has its parts."""
+        found = np.zeros(len(self.part))
+        found[np.isin(self.part, of.part)] = eta[np.isin(of.part, self.part)]
+        return found
+
+    def warped(self, plane_std: float, height_std: float) -> BoardShape:
+        """The same with a warp whose shifts have these standard deviations, squares, along x and y, and along z."""
+        bare, functions = self.of(*OPTIONAL), surface_functions(self.flat)
+        count = functions.shape[1]
+        return BoardShape(
+            self.flat,
+            np.concatenate([bare.functions, np.tile(functions, 3)], axis=1),
+            np.append(bare.axis, np.repeat([0, 1, 2], count)),
+            np.append(bare.part, np.repeat(WARP, 3 * count)),
+            np.append(bare.prior_std, np.repeat([plane_std, plane_std, height_std], count)),
+        )
+
+    def points(self, eta: Floats) -> Floats:
+        """All corners (n, 3) of the board, squares from its middle; heights away from the camera are positive."""
+        return self._shifted(self.flat, self.functions, eta)
+
+    def seen_points(self, eta: Floats, seen: Observations) -> Floats:
+        """The points (N, 3) that ``seen`` shows."""
+        return self._shifted(seen.lattice, self._rows(seen), eta)
+
+    def slopes(self, by_point: Floats, seen: Observations) -> Floats:
+        """The derivatives (N, m, S) by η of what has the derivatives ``by_point`` (N, m, 3) by the points ``seen``."""
+        return np.asarray(by_point[:, :, self.axis] * self._rows(seen)[:, None, :])
 
     def stretch(self, eta: Floats) -> float:
         """ε: how much longer y's squares are than x's, as a fraction."""
-        return float(eta[-2]) if self.stretches else 0.0
+        return float(eta[(self.part == STRETCH) & (self.axis == 1)].sum())
 
     def shear(self, eta: Floats) -> float:
         """γ: how far x's lines lean along x for each square along y, a fraction."""
-        return float(eta[-1]) if self.stretches else 0.0
+        return float(eta[(self.part == STRETCH) & (self.axis == 0)].sum())
 
-    def height(self, eta: Floats, lattice: Floats) -> Floats:
-        """Height (n,) over the plane z = 0 through the board's middle, in squares, away from the camera
-        positive.
-        """
-        return self.points(eta, lattice)[:, 2]
+    def warp(self, eta: Floats) -> Floats:
+        """What of the shifts (n, 2) in the board's plane is neither stretch nor shear, squares."""
+        return np.asarray(self._shifted(self.flat, self.functions * (self.part == WARP), eta)[:, :2] - self.flat)
 
-    def _monomials(self, lattice: Floats) -> Floats:
-        xi, upsilon = (lattice / [self.half_columns, self.half_rows]).T
-        xi2, upsilon2 = xi**2, upsilon**2
-        return np.column_stack([xi2, xi * upsilon, upsilon2, xi2**2, xi2 * upsilon2, upsilon2**2])
+    def _rows(self, seen: Observations) -> Floats:
+        """The functions (N, S) at the corners ``seen``, without a warp where a view may have misplaced them."""
+        rows = self.functions[seen.corner]
+        if self.has(WARP) and not seen.placed.all():
+            rows[np.ix_(~seen.placed, self.part == WARP)] = 0.0
+        return rows
+
+    def _shifted(self, flat: Floats, functions: Floats, eta: Floats) -> Floats:
+        shifts = [functions[:, self.axis == axis] @ eta[self.axis == axis] for axis in range(3)]
+        return np.asarray(np.column_stack([flat, np.zeros(len(flat))]) + np.stack(shifts, axis=1))
 
 
 def board_shape(board: Board) -> BoardShape:
-    """All shapes that ``board`` may have."""
-    first, last = outline(board)
-    half_columns, half_rows = (last - first) / 2.0
-    return BoardShape(float(half_columns), float(half_rows))
+    """All shapes that ``board`` may have but for a warp."""
+    flat = lattice(board) - lattice_middle(board)
+    xi, upsilon = flat.T / np.abs(flat).max(axis=0)[:, None]
+    bends = np.column_stack([xi**2, xi * upsilon, upsilon**2, xi**4, xi**2 * upsilon**2, upsilon**4])
+    count = bends.shape[1]
+    return BoardShape(
+        flat,
+        np.column_stack([bends, flat[:, 1], flat[:, 1]]),
+        np.append(np.repeat(2, count), [1, 0]),
+        np.append(np.repeat(BEND, count), [STRETCH, STRETCH]),
+        np.append(np.repeat(HEIGHT_STD, count), [STRETCH_STD, STRETCH_STD]),
+    )

@@ -87,6 +87,8 @@ class _Problem:
         noise = noise or self.loss.std or max(robust_scale(length), LEAST_NOISE)
         misfit = huber_loss(length / noise, self.loss.huber).sum()
         objective = 0.5 * float(misfit + self.precision @ state.globals**2)
+        if self.model.motion:
+            objective += 0.5 * float(((state.motions / (self.model.motion * noise)) ** 2).sum())
         return Solution(self.model, state, prediction, objective, noise)
 
     def step(self, here: Solution, linear: Linearisation, damping: float) -> tuple[Solution, float] | None:

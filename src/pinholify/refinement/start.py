@@ -283,4 +283,4 @@ def reposed(model: Model, camera: State, seen: Observations) -> State:
     directions = model.trend.chart.directions(model.trend.ray(camera.beta, w))
     directions[~np.isfinite(directions).all(axis=1)] = [0.0, 0.0, 1.0]
     rotations, translations = poses_of_directions(directions, seen)
-    return replace(camera, rotations=rotations, translations=translations)
+    return replace(camera, rotations=rotations, translations=translations, motions=np.zeros_like(translations))

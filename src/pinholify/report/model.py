@@ -26,8 +26,9 @@ class Model:
     """Method, kernel and trend; ``processes`` none where the evidence switched the process off.
 
     ``candidates`` are the trends tried, best first, with how much less their log evidence is than the best's.
-    ``bow`` (squares), ``stretch`` and ``shear`` (fractions) tell how the board differs from a flat lattice of squares,
-    None where the data prefer one that does not. ``singular_values`` are those of the closed-form solve.
+    ``bow`` (squares), ``stretch`` and ``shear`` (fractions) and ``warp`` (squares, rms) tell how the board differs from
+    a flat lattice of squares, None where the data prefer one that does not; ``motion_px`` by how much boards moved
+    while the shutter rolled. ``singular_values`` are those of the closed-form solve.
     """
 
     method: str
@@ -39,6 +40,8 @@ class Model:
     bow: float | None
     stretch: float | None
     shear: float | None
+    warp: float | None
+    motion_px: float | None
     square_mm: float | None
     singular_values: tuple[float, ...]
 
@@ -60,6 +63,8 @@ def model_of(evaluation: Evaluation) -> Model:
         _number(details.get("board_bow_squares")),
         _number(details.get("board_stretch")),
         _number(details.get("board_shear")),
+        _number(details.get("board_warp_squares")),
+        _number(details.get("motion_px")) or None,
         calibration.square_mm,
         tuple(float(v) for v in values) if isinstance(values, (list, tuple)) else (),
     )

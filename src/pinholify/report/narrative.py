@@ -371,12 +371,19 @@ def _board_shape(report: Report) -> list[tuple[str, str]]:
     model = report.model
     rows = []
     if model.bow is not None:
-        millimetres = "" if model.square_mm is None else f" ({number(model.bow * model.square_mm, 2)} mm)"
-        rows.append(("board's bow", f"{number(model.bow, 4)} squares{millimetres}: not quite flat, and allowed for"))
+        rows.append(("board's bow", f"{_length(model.bow, model.square_mm)}: not quite flat, and allowed for"))
     if model.stretch is not None:
         lean = "" if model.shear is None else f", its columns leaning by {model.shear:+.3%}"
         rows.append(("board's print", f"{model.stretch:+.3%} longer along y than along x{lean}: allowed for"))
+    if model.warp is not None:
+        rows.append(("its corners", f"{_length(model.warp, model.square_mm)} off beyond that, rms: allowed for"))
+    if model.motion_px is not None:
+        rows.append(("motion", f"{number(model.motion_px, 3)} px, rms, while the shutter rolled: allowed for"))
     return rows
+
+
+def _length(squares: float, square_mm: float | None) -> str:
+    return f"{number(squares, 4)} squares" + ("" if square_mm is None else f" ({number(squares * square_mm, 2)} mm)")
 
 
 def _usage(report: Report) -> Section:

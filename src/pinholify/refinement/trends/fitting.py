@@ -12,6 +12,7 @@ from pinholify.refinement.trends.base import Trend
 STEPS = 25
 ENOUGH = 400  # rays that tell a start as well as many more
 ROUGH_NOISE = 1e-3  # normalised image units: what the priors are weighed against
+LOOSE = 0.1  # of a prior: what holds a solve back keeps a start from where it should be
 
 
 def fit_trend(trend: Trend, w: Floats, xyz: Floats, near: Floats | None = None) -> Floats | None:
@@ -27,7 +28,7 @@ def fit_trend(trend: Trend, w: Floats, xyz: Floats, near: Floats | None = None) 
         return None
     some = np.flatnonzero(reached)[:: max(1, int(reached.sum()) // ENOUGH)]
     c, w = c[some], w[some]
-    precision, damping = (ROUGH_NOISE / trend.prior_std) ** 2, 1e-4
+    precision, damping = (ROUGH_NOISE / np.maximum(trend.prior_std, LOOSE)) ** 2, 1e-4
     starts = [start for start in (trend.start(w, c), near) if start is not None]
     tried = [(start, *_objective(trend, start, w, c, precision)) for start in starts]
     beta, at, value = min(tried, key=lambda each: each[2])

@@ -39,7 +39,7 @@ from pinholify.refinement.trends.base import (
 )
 
 MATRIX_STD = 10.0
-ANISOTROPY_STD = 0.1
+ANISOTROPY_STD = 0.001  # pixels are nearly square: what is more has to be told by many corners
 CENTRE_STD = 0.3
 OFFSET_STD = 0.5
 LOG_RATIO_STD = 0.5
