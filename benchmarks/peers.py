@@ -10,9 +10,10 @@ times are of whole processes, on all processors together, ours without scoring i
 are compiled before, as an installed program's are. The last columns are ours ÷ theirs.
 
 With ``--real``, DATA holds folders of photographs (``REAL``). Every other complete board calibrates, the others are
-scored: each peer gives rays of their corners, a pose for each board and one shape for all of them are fitted, since
-boards are not flat, and the root mean square of what is left, in px a point, is the held-out error. All have the same
-corners, ours.
+scored: each peer gives rays of their corners, to which three things are fitted for every camera alike, since boards are
+not flat and hands not still: a pose for each board; one shape for all of them; and for each a motion while the shutter
+rolls. The root mean squares of what is left, in px a point, are held-out errors: with pose and bow alone, and with all
+of these. All have the same corners, ours.
 """
 
 import argparse
@@ -40,6 +41,7 @@ from pinholify.refinement.shape import board_shape
 
 REAL = {"gopro_wide": "8x6", "webcam_mild": "9x6", "charuco": "charuco:9x7:DICT_4X4_100:0.5"}
 FEWEST = 4  # boards that calibrate
+WARP, MOTION, NOISE = (0.003, 0.01), 1e-5, 0.05  # what boards are thought to do: squares, radians a row, px
 RUNS = 3
 FOCAL = {"pinhole": 2000, "barrel": 2000, "pincushion": 2000, "windshield": 850, "fisheye": 560,
          "gopro_wide": 560, "webcam_mild": 530, "charuco": 900}
@@ -149,26 +151,36 @@ def write_set(work, name, training, testing, corner_set):
     (work / f"{name}.vnl").write_text("\n".join(["# filename x y level", *lines, ""]))
 
 
-def heldout_error(board, count, out):
-    """RMS in px a point of what poses, and one shape of the board, leave of ``count`` boards' corners, by the rays of
-    these in the file ``out``.
+def heldout_errors(board, testing, out):
+    """RMS in px a point of what poses and a bow, and of what a warp and motions too, leave of the boards whose corners
+    are ``testing`` (boards, n, 2) px, by the rays of these in the file ``out``.
     """
-    rays = np.genfromtxt(out, delimiter=",", skip_header=1)[:, :3].reshape(3, count, -1, 3)
+    rays = np.genfromtxt(out, delimiter=",", skip_header=1)[:, :3].reshape(3, *testing.shape[:2], 3)
     ray, right, below = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
     to_px = np.linalg.pinv(np.stack([r / (r * ray).sum(axis=-1, keepdims=True) - ray for r in (right, below)], axis=-1))
-    shape, places = board_shape(board), lattice(board) - lattice(board).mean(axis=0)
-    poses = np.array([flat_pose(places, seen) for seen in ray])
+    late = testing[:, :, 1:] - testing[:, :, 1:].mean(axis=1, keepdims=True)
+    bowed = board_shape(board)
+    poses = np.array([flat_pose(bowed.flat, seen) for seen in ray])
+    return [left(shape, poses, ray, to_px, late, motion) for shape, motion in
+            ((bowed, 1e-9), (bowed.warped(*WARP), MOTION))]
+
+
+def left(shape, poses, ray, to_px, late, motion):
+    """RMS in px a point; ``late`` are rows from each board's middle, ``motion`` radians a row, a standard deviation."""
+    split = [len(shape.prior_std), len(shape.prior_std) + poses.size]
 
     def residual(unknown):
-        eta, pose = np.split(unknown, [len(shape.prior_std)])
-        pose = pose.reshape(-1, 6)
-        camera = shape.points(eta, places) @ Rotation.from_rotvec(pose[:, :3]).as_matrix().transpose(0, 2, 1)
+        eta, pose, turn = np.split(unknown, split)
+        pose, turn = pose.reshape(-1, 6), turn.reshape(-1, 1, 3)
+        camera = shape.points(eta) @ Rotation.from_rotvec(pose[:, :3]).as_matrix().transpose(0, 2, 1)
         camera = camera + pose[:, None, 3:]
+        camera = camera + late * np.cross(turn * motion, camera)
         away = camera / (camera * ray).sum(axis=-1, keepdims=True) - ray
-        return (to_px @ away[..., None]).ravel()
+        return np.concatenate([(to_px @ away[..., None]).ravel(), NOISE * eta / shape.prior_std, NOISE * turn.ravel()])
 
-    start = np.concatenate([np.zeros(len(shape.prior_std)), poses.ravel()])
-    return [float(np.sqrt(2.0 * np.mean(least_squares(residual, start, x_scale="jac").fun ** 2)))]
+    start = np.concatenate([np.zeros(split[0]), poses.ravel(), np.zeros(3 * len(poses))])
+    found = least_squares(residual, start, x_scale="jac").fun[: 2 * ray[..., 0].size]
+    return float(np.sqrt(2.0 * np.mean(found**2)))
 
 
 def flat_pose(places, ray):
@@ -198,9 +210,9 @@ def real(folder, python, work, data, names):
             print(f"{'':11s} too few: {FEWEST} are needed")
             continue
         write_set(work, name, training, testing, corner_set)
-        board, (width, height), count = corner_set.board, corner_set.image_size, len(testing)
+        board, (width, height) = corner_set.board, corner_set.image_size
         compare(folder, python, work, name, f"{board.columns}x{board.rows}", f"{width}x{height}",
-                lambda out, board=board, count=count: heldout_error(board, count, out))
+                lambda out, board=board, testing=testing: heldout_errors(board, testing, out))
 
 
 def main():
