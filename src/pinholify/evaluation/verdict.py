@@ -182,7 +182,8 @@ def _level(
     hidden = evaluation.wrong.share > (MANY if alike else TOO_MANY)
     reasons = []
     if error > FAIR_RATIO * max(floor, FINEST_PX):
-        reasons.append(f"its corners' noise alone would leave {floor:.2f} px")
+        alone = "noise and its boards' motion" if motion(evaluation.calibration) > 0.0 else "noise"
+        reasons.append(f"its corners' {alone} alone would leave {floor:.2f} px")
     if noise > ROUGH_PX:
         reasons.append(f"its corners scatter by {noise:.2g} px, {USUAL_PX:g} or less is usual: {ROUGH}")
     if covered < ENOUGH_COVERAGE:

@@ -138,12 +138,17 @@ def _length_row(length: Length, square_mm: float | None) -> tuple[str, ...]:
     return (FULL_NAMES[length.name], with_std(length.value, length.std), interval, *millimetres)
 
 
+def _and_motion(report: Report) -> str:
+    return " and boards' motion" if report.model.motion_px is not None else ""
+
+
 def _errors(report: Report) -> Section:
+    alone = f"noise in finding corners{_and_motion(report)} alone would leave ({px(report.overview.floor_px)})"
     caption = (
         "How far the corners of each photograph lie from where the camera puts them, once its board's pose is fitted: "
-        "the bar is the root mean square over its corners, the dot its worst corner, the thin line what noise in "
-        f"finding corners alone would leave ({px(report.overview.floor_px)}). Good are bars about that long and all "
-        "alike; one that stands out is a blurred, moved or wrongly found board: look at its photograph."
+        f"the bar is the root mean square over its corners, the dot its worst corner, the thin line what {alone}. "
+        "Good are bars about that long and all alike; one that stands out is a blurred, moved or wrongly found board: "
+        "look at its photograph."
         f"{' Wrong corners are in none of them.' if report.overview.wrong_corners else ''}"
     )
     return Section("errors", "Error of each photograph", caption=caption)
@@ -249,7 +254,8 @@ def _residuals(report: Report) -> Section:
         if field.rms_px > MORE_THAN_NOISE * floor
         else ""
     )
-    numbers = f"They are {px(field.rms_px)} RMS a point, where noise alone would leave {px(floor)}.{more}"
+    alone = f"noise{_and_motion(report)} alone would leave {px(floor)}"
+    numbers = f"They are {px(field.rms_px)} RMS a point, where {alone}.{more}"
     caption = (
         f"The arrows are residuals averaged over cells of the image, {field.magnification:g} times as long as they "
         "are; the cloud is all of them at once, with circles at 1, 2 and 3 standard deviations of the noise. Good are "
