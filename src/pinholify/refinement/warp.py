@@ -76,12 +76,13 @@ def refitted(shape: BoardShape, problem: Linearised, density: LogDensity, hyperp
             precision[group] = np.exp(-2.0 * log)
         return -posterior(averaged, precision, hyperparameters.noise).log_evidence
 
-    start = np.log([shape.prior_std[mask][0] for mask in _groups(shape)])
+    low, high = np.log(STD_RANGE)
+    start = np.clip(np.log([shape.prior_std[mask][0] for mask in _groups(shape)]), low, high - 1.0)
     best = minimize(
         lost,
         start,
         method="Nelder-Mead",
-        bounds=[np.log(STD_RANGE)] * 2,
+        bounds=[(low, high)] * 2,
         options={
             "initial_simplex": start + np.array([[0, 0], [1, 0], [0, 1]]),
             "maxfev": MOST_TRIALS,
