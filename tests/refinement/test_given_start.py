@@ -145,7 +145,7 @@ def test_oblique_boards_in_a_part_of_a_fisheyes_image_as_a_rule(last_month: Virt
     without, led = np.transpose([errors_px(last_month, seed) for seed in range(12)])
     assert np.median(led) < 0.2
     assert np.median(without) > 2.0 * np.median(led)
-    assert (led < without).mean() > 0.8  # with so few boards, noise now and then favours a wrong camera
+    assert (led < without + 0.05).all()  # a few find the camera as well without
 
 
 # --- and does not hurt -------------------------------------------------------------------------------------------
