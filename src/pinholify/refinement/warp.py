@@ -74,7 +74,10 @@ def refitted(shape: BoardShape, problem: Linearised, density: LogDensity, hyperp
         precision = np.array(averaged.precision)
         for group, log in zip(groups, logs, strict=True):
             precision[group] = np.exp(-2.0 * log)
-        return -posterior(averaged, precision, hyperparameters.noise).log_evidence
+        try:
+            return -posterior(averaged, precision, hyperparameters.noise).log_evidence
+        except np.linalg.LinAlgError:  # too large for double precision: not a place to be
+            return np.inf
 
     low, high = np.log(STD_RANGE)
     start = np.clip(np.log([shape.prior_std[mask][0] for mask in _groups(shape)]), low, high - 1.0)
