@@ -273,6 +273,10 @@ def test_a_cockled_board_is_found(lens: str) -> None:
     assert np.sqrt(((found - shifts)[:, 2] ** 2).mean()) < 0.002
     assert result.noise_px == pytest.approx(0.1, rel=0.04)
     assert covered_error(scene, result) < 2.0 * BOUND[lens]
+    true = make_scene(lens, views=20, seed=1)
+    moved = np.sqrt(np.mean([(v.uv - w.uv) ** 2 for v, w in zip(scene.corners.views, true.corners.views, strict=True)]))
+    limit = result.camera.domain.max_std / (5.0 * result.disagreement)
+    assert limit == pytest.approx(np.hypot(0.1, moved), rel=0.15)
 
 
 def moved_px(scene: Scene, still: Scene) -> float:
@@ -376,6 +380,8 @@ def test_a_flat_board_is_left_flat(results: dict[str, JointResult]) -> None:
     assert results["pinhole"].shape.warp is None
     assert not results["pinhole"].shape.points[:, 2].any()
     assert [result.motion_px for result in results.values()] == [0.0] * len(results)
+    for result in results.values():
+        assert result.camera.domain.max_std == pytest.approx(5.0 * result.noise_px * result.disagreement)
 
 
 def test_the_reference_must_be_usable(scenes: dict[str, Scene]) -> None:

@@ -349,7 +349,7 @@ def test_a_warped_shape_carries_what_it_was(scene: Scene) -> None:
     assert warped.smaller() == [warped]
     several = warped.prior_std * rng.normal(size=(2000, len(warped.prior_std)))
     shifts = np.array([warped.warp(each) for each in several])
-    assert shifts.std() == pytest.approx(0.01, rel=0.03)
+    np.testing.assert_allclose(shifts.std(axis=(0, 1)), [0.01, 0.01, 0.02], rtol=0.05)
     planes = np.column_stack([np.ones(54), warped.flat])
     np.testing.assert_allclose(np.einsum("ni,knj->kij", planes, shifts), 0.0, atol=1e-12)
     both = warped.warped(0.02, 0.01)

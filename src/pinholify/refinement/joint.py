@@ -38,7 +38,7 @@ from pinholify.refinement.solver import Solution
 from pinholify.refinement.spectral import density_named
 from pinholify.refinement.start import first_solution, given_lens
 from pinholify.refinement.trends import Search, searches_named
-from pinholify.refinement.warp import warp_of
+from pinholify.refinement.warp import warp_of, warp_rms
 
 SHORTEST = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
@@ -198,10 +198,11 @@ def _result(
     hyper = settled.hyperparameters
     noise_px = hyper.noise * frame.scale
     motion_px = motion_rms(settled.solution, seen) * frame.scale if settled.model.motion else 0.0
+    error_px = float(np.linalg.norm([noise_px, motion_px, warp_rms(settled.solution, seen) * frame.scale]))
     residuals = {name: r * frame.scale * frame.signs for name, r in cleaned.residuals.items()}
     kernel_px = tuple(float(value) * frame.scale for value in np.exp(hyper.kernel))
     return JointResult(
-        camera=camera_of(plane_map, seen, corner_set.image_size, noise_px),
+        camera=camera_of(plane_map, seen, corner_set.image_size, noise_px, error_px),
         intrinsics_covariance=intrinsics_covariance(plane_map),
         poses=poses_of(settled, seen, plane_map),
         residuals=residuals,

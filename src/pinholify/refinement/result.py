@@ -18,8 +18,7 @@ from pinholify.refinement.settle import Settled
 from pinholify.refinement.shape import BEND, STRETCH, WARP
 
 ENOUGH_TO_TURN = 1000  # corners to fit three angles to
-DOMAIN_STD = 5.0  # standard deviations of a corner (as boards disagree by), beyond which the map is not believed,
-DOMAIN_SHARE = 0.004  # or this part of half the image's diagonal, whichever is more
+DOMAIN_STD = 5.0  # standard deviations of a corner (as boards disagree by), beyond which the map is not believed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,10 +126,16 @@ def intrinsics_of(plane_map: JointMap) -> Intrinsics:
     return Intrinsics(float(f), float(plane_map.middle[0] - x), float(plane_map.middle[1] - y))
 
 
-def camera_of(plane_map: JointMap, seen: Observations, image_size: tuple[int, int], noise_px: float) -> VirtualCamera:
-    """The virtual camera in the reference board's frame, believed inside the hull of all corners."""
+def camera_of(
+    plane_map: JointMap, seen: Observations, image_size: tuple[int, int], noise_px: float, error_px: float
+) -> VirtualCamera:
+    """The virtual camera in the reference board's frame, believed inside the hull of all corners.
+
+    ``error_px`` is the standard deviation of a corner in the photographs as they are: with what their boards' shape and
+    motions shift it by.
+    """
     frame = plane_map.frame
-    limit = max(DOMAIN_STD * noise_px * plane_map.disagreement, DOMAIN_SHARE * frame.scale)
+    limit = DOMAIN_STD * error_px * plane_map.disagreement
     domain = Domain(convex_hull(frame.restore(seen.image)), limit)
     chart = AngleChart(plane_map.rotation.T)
     return VirtualCamera(plane_map, chart, intrinsics_of(plane_map), domain, image_size, noise_px, frame.mirrored)
@@ -161,6 +166,6 @@ def shape_of(settled: Settled) -> Shape:
         float(np.ptp(points[:, 2])) if shape.has(BEND) or warps else None,
         shape.stretch(eta) if stretches else None,
         shape.shear(eta) if stretches else None,
-        float(np.sqrt((shape.warp(eta) ** 2).sum(axis=1).mean())) if warps else None,
+        float(np.sqrt((shape.warp(eta)[:, :2] ** 2).sum(axis=1).mean())) if warps else None,
         points,
     )

@@ -95,11 +95,11 @@ def settle(
             resolved=resolved,
             most=15,
         )
-        before_it = np.append(_logarithms(hyperparameters), np.log(shape.prior_std))
+        present = np.append(_logarithms(hyperparameters), np.log(shape.prior_std))
         hyperparameters, state, shape = fit.hyperparameters, settled.solution.state, settled.model.shape
         if motion:
             motion = motion_of(settled.solution, seen) or motion
-        moved = np.abs(np.append(_logarithms(hyperparameters), np.log(shape.prior_std)) - before_it).max()
+        moved = np.abs(np.append(_logarithms(hyperparameters), np.log(shape.prior_std)) - present).max()
         finest = _finest_detail(hyperparameters)
         crowded = resolved > FINEST and SAFETY**0.5 * finest < resolved
         if moved < SETTLED and not crowded:

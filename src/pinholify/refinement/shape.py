@@ -105,8 +105,8 @@ class BoardShape:
         return float(eta[(self.part == STRETCH) & (self.axis == 0)].sum())
 
     def warp(self, eta: Floats) -> Floats:
-        """What of the shifts (n, 2) in the board's plane is neither stretch nor shear, squares."""
-        return np.asarray(self._shifted(self.flat, self.functions * (self.part == WARP), eta)[:, :2] - self.flat)
+        """What the warp alone shifts the corners by, (n, 3) squares."""
+        return self._shifted(np.zeros_like(self.flat), self.functions * (self.part == WARP), eta)
 
     def _rows(self, seen: Observations) -> Floats:
         """The functions (N, S) at the corners ``seen``, without a warp where a view may have misplaced them."""

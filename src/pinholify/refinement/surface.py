@@ -10,8 +10,8 @@ import numpy as np
 
 from pinholify.arrays import Floats
 
-KNOTS = 400  # corners beyond which a part of them carries the surface
-MOST = 60  # functions: those left out, of more, are below a thousandth of the surface
+KNOTS = 400  # corners beyond which a part of them, scattered over the board, carries the surface
+MOST = 60  # functions: those left out, of more, have a five-hundredth of the surface's variance
 
 
 def surface_functions(places: Floats) -> Floats:
@@ -19,7 +19,7 @@ def surface_functions(places: Floats) -> Floats:
 
     The surface of all of them has mean square one over the places. No function where there are too few places.
     """
-    knots = places[:: -(-len(places) // KNOTS)]
+    knots = places[np.random.default_rng(0).permutation(len(places))[:KNOTS]] if len(places) > KNOTS else places
     leading = max(0, min(MOST, len(knots) - 3))
     cubes = _without_planes(knots, np.linalg.norm(knots[:, None] - knots, axis=2) ** 3)
     values, vectors = np.linalg.eigh(_without_planes(knots, cubes.T))

@@ -62,6 +62,14 @@ def shared_by_boards(solution: Solution, seen: Observations) -> SharedError:
     return shared_error(weight * solution.prediction.residual, by_shift, seen.corner, seen.view)
 
 
+def warp_rms(solution: Solution, seen: Observations) -> float:
+    """What the board's warp shifts its corners by in the image: rms an axis, normalised; 0 of a board without."""
+    state, model = solution.state, solution.model
+    shift = model.shape.warp(state.eta)[seen.corner] * seen.placed[:, None]
+    moved = (model.by_point(state, seen, solution.prediction) @ shift[:, :, None])[:, :, 0] * seen.weight[:, None]
+    return float(np.sqrt((moved**2).mean()))
+
+
 def refitted(shape: BoardShape, problem: Linearised, density: LogDensity, hyperparameters: Hyperparameters) -> Warp:
     """The ``shape``, the last of the unknowns of ``problem``, with its warp as large as the evidence has it."""
     from scipy.optimize import minimize  # slow to load, and most boards need none
