@@ -146,6 +146,7 @@ def _calibration(
         "start_fits": result.start_fits,
         "disagreement": result.disagreement,
         "motion_px": result.motion_px,
+        "board_noise_px": dict(result.board_noise_px),
         "board_bow_mm": _in_mm(shape.bow, square_mm),
         "board_warp_mm": _in_mm(shape.warp, square_mm),
     }
@@ -181,4 +182,4 @@ def _wrong_ids(result: JointResult, solved: Corners, view: Corners, points: Floa
     if solved is view:
         return np.asarray(view.ids[~result.inliers[view.name]])
     seen = result.camera.project(result.poses[view.name].apply(points[view.ids]))
-    return np.asarray(view.ids[~(lengths(seen - view.uv, view.weights) <= LIMIT * result.noise_px)])
+    return np.asarray(view.ids[~(lengths(seen - view.uv, view.weights) <= LIMIT * result.board_noise_px[view.name])])

@@ -335,6 +335,8 @@ def test_a_noisy_board_counts_as_much_as_it_is_worth() -> None:
     assert covered_error(scene, found) < 1.3 * covered_error(scene, told) + 0.01
     assert found.intrinsics_std == pytest.approx(told.intrinsics_std, rel=0.25)
     assert found.noise_px == pytest.approx(np.sqrt((11 * 0.01 + 3 * 0.17) / 14), rel=0.1)
+    for name, noise in found.board_noise_px.items():
+        assert noise == pytest.approx(np.sqrt(0.17) if name in noisy else 0.1, rel=0.4)
     assert not found.dropped
 
 
@@ -381,6 +383,7 @@ def test_a_flat_board_is_left_flat(results: dict[str, JointResult]) -> None:
     assert not results["pinhole"].shape.points[:, 2].any()
     assert [result.motion_px for result in results.values()] == [0.0] * len(results)
     for result in results.values():
+        assert set(result.board_noise_px.values()) == {result.noise_px}
         assert result.camera.domain.max_std == pytest.approx(5.0 * result.noise_px * result.disagreement)
 
 

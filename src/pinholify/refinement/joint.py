@@ -215,6 +215,15 @@ def _result(
         kernel_px=kernel_px,
         shape=shape_of(settled),
         log_evidence=_per_px(settled.log_evidence, seen, frame),
+        board_noise_px=_board_noise(corner_set, cleaned, noise_px),
         disagreement=plane_map.disagreement,
         motion_px=motion_px,
     )
+
+
+def _board_noise(corner_set: CornerSet, cleaned: Cleaned, noise_px: float) -> dict[str, float]:
+    """The noise of each used view: its corners have another weight than was given in so far as theirs differs."""
+    given = {view.name: float(view.weights[0]) for view in corner_set.found}
+    everything = cleaned.everything
+    found = dict(zip(everything.names, everything.weight[everything.starts], strict=True))
+    return {name: noise_px * given[name] / float(found[name]) for name in cleaned.seen.names}

@@ -51,6 +51,7 @@ class JointResult:
     ``kernel_px`` is (σ_f, length scales) in px, empty where the evidence switched the process off. ``start_fits``:
     whether the camera that was given as a start explains the corners; None where none was given. ``disagreement``: how
     many times larger the boards' disagreement, and so every standard deviation, is than the noise makes it.
+    ``board_noise_px`` is each used view's own noise, ``noise_px`` unless views differ by more than chance;
     ``motion_px`` is by how much boards moved while the shutter rolled, beyond what a pose makes good: rms an axis.
     """
 
@@ -67,6 +68,7 @@ class JointResult:
     kernel_px: tuple[float, ...]
     shape: Shape
     log_evidence: float
+    board_noise_px: Mapping[str, float]
     start_fits: bool | None = None
     disagreement: float = 1.0
     motion_px: float = 0.0

@@ -15,7 +15,7 @@ from pinholify.refinement.observations import Observations
 from pinholify.refinement.settle import Settled
 from pinholify.refinement.solver import lengths, robust_scale
 
-SURE = 3.0  # standard deviations beyond chance
+SURE = 4.0  # standard deviations beyond chance: of sets of boards alike one in three hundred seems uneven
 OF_A_MEDIAN = float(2.0 / np.log(2.0) ** 2)  # variance of a log variance by the median, times its degrees of freedom
 FEWEST_BEYOND = 4.0  # residuals beyond the unknowns, below which a board tells nothing of its noise
 
