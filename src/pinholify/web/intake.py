@@ -145,7 +145,8 @@ class Intake:
         limits = (self.room.limits.pixels, self.room.limits.video_frames)
         question = (arrived, name, session.board, session.mirrored, postures_of(session), limits, folder)
         try:
-            await self.room.crew.run(video.frames, *question, heard=partial(self._heard_of_video, session_id))
+            with self._arrivals(session_id):
+                await self.room.crew.run(video.frames, *question, heard=partial(self._heard_of_video, session_id))
         except PinholifyError as error:
             desk.tell("notice", text=str(error))
         finally:
