@@ -6,16 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import erf
 
-from pinholify.detection.edges import Windows, fit_crossings
+from pinholify.detection.edges import fit_crossings
 from pinholify.detection.prediction import local_frames, predict
 from pinholify.detection.saddle import refine_saddles, sample
+from pinholify.detection.windows import Windows
 
 CENTRE = np.array([30.3, 28.7])
 
 
-def corner(centre, angles, *, blur=1.0, shading=(0.0, 0.0), noise=0.0, seed=0):
+def corner(centre, angles, *, blur=1.0, shading=(0.0, 0.0), noise=0.0, seed=0, size=(64, 60)):
     """Grey levels of two edges through ``centre`` at ``angles`` (radians), analytic, and the edges' directions."""
-    v, u = np.mgrid[0:60, 0:64].astype(float)
+    v, u = np.mgrid[0 : size[1], 0 : size[0]].astype(float)
     x, y = u - centre[0], v - centre[1]
     first, second = ([np.cos(a), np.sin(a)] for a in angles)
     across_first = erf((-first[1] * x + first[0] * y) / (blur * np.sqrt(2)))
@@ -53,17 +54,40 @@ def test_shading_does_not_move_it_as_it_moves_a_quadratic_fit():
     assert np.linalg.norm(saddle.uv[0] - CENTRE) > 0.05
 
 
-def test_the_standard_deviation_is_the_spread_over_many_noises():
-    errors, stds = [], []
-    for seed in range(150):
-        grey, axes = corner(CENTRE, (0.3, 1.9), noise=8.0, seed=seed)
-        found = fit_crossings(grey, window(CENTRE, axes))
-        errors.append(found.uv[0] - CENTRE)
+def errors_over_noises(half, draws=100):
+    """Errors (n, 2) px of fits in windows of ``half`` px, and the standard deviation that they promised."""
+    side = int(2.9 * half) + 12
+    centre, errors, stds = np.array([side / 2 + 0.3, side / 2 - 0.2]), [], []
+    for seed in range(draws):
+        grey, axes = corner(centre, (0.3, 1.9), noise=8.0, seed=seed, size=(side, side))
+        found = fit_crossings(grey, window(centre, axes, half))
+        errors.append(found.uv[0] - centre)
         stds.append(found.std[0])
-    spread = np.sqrt(np.mean(np.array(errors) ** 2))
-    # The windows are sampled at about their pixels' distance, so neighbouring samples share noise.
-    assert 0.5 < np.mean(stds) / spread < 1.5
-    assert np.abs(np.mean(errors, axis=0)).max() < 4 * spread / np.sqrt(150)
+    return np.array(errors), float(np.sqrt(np.mean(np.square(stds))))
+
+
+@pytest.mark.parametrize("half", [4.0, 8.0, 12.0, 25.0, 50.0])
+def test_the_standard_deviation_is_the_spread_over_many_noises(half):
+    """In windows that hold fewer pixels than are sampled, in some that hold more, and where only the edges are."""
+    errors, std = errors_over_noises(half)
+    spread = np.sqrt(np.mean(errors**2))
+    assert 0.65 < spread / std < 1.25
+    assert np.abs(errors.mean(axis=0)).max() < 4 * spread / np.sqrt(len(errors))
+
+
+def test_longer_edges_place_a_corner_better():
+    """As the root of their length: four times as long, half the error."""
+    short, long = (np.sqrt(np.mean(errors_over_noises(half)[0] ** 2)) for half in (12.0, 48.0))
+    assert long < 0.6 * short
+
+
+def test_windows_of_all_sizes_are_fitted_as_each_alone():
+    grey, axes = corner(CENTRE, (0.3, 1.9), noise=4.0)
+    halves = np.array([5.0, 25.0, 9.0, 16.0])
+    together = fit_crossings(grey, Windows(np.tile(CENTRE, (4, 1)), halves[:, None, None] * axes, np.zeros((4, 2, 3))))
+    for i, half in enumerate(halves):
+        alone = fit_crossings(grey, window(CENTRE, axes, half))
+        assert np.abs(together.uv[i] - alone.uv[0]).max() < 0.01  # the one that takes most steps has all take them
 
 
 def test_what_covers_a_part_of_the_window_is_forgotten():

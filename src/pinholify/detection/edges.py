@@ -13,28 +13,27 @@ a finger, a marker, the image's end.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.special import erf
 
 from pinholify.arrays import Bools, Floats, Ints
 from pinholify.detection.intensity import Grey
-from pinholify.detection.saddle import sample
+from pinholify.detection.windows import MOST, Samples, Windows, read, worth_reading
 
-SAMPLES = 730
-"""Places in a window where the grey levels are read."""
+BLOCK = 12_000
+"""Places read at a time: as many as fit a processor's cache."""
 
-BLOCK = 16
-"""Windows fitted at a time: as many as fit a processor's cache."""
+ROUGHLY = 400
+"""Samples of a window that the fit starts with."""
 
 ITERATIONS = 6
 
-SETTLED = 0.003
-"""Steps (px) below which the fit is done."""
+SETTLED = 0.03
+"""Steps (px) below which the fit is done: the next would be shorter by about its square."""
 
 FIRST_BLUR = 1.0
 """Standard deviation (px) of the edges' blur to start from."""
@@ -47,15 +46,24 @@ OUTLIER = 3.0
 """Residuals beyond this many times the window's own scale lose weight (Tukey's biweight ends at twice that).
 """
 
+TOLERATED = 0.03
+"""What the model itself, and interpolation, miss near the edges, as a fraction of κ: no outliers, these."""
+
+SKIPPED = 3
+"""Of so many samples one is enough to tell the scale of all."""
+
+LEAST_KEPT = 0.3
+"""Of all weights: a fit that keeps fewer is no fit of the corner."""
 
 LEAST_SPREAD = 0.01
-"""What the model itself, and interpolation, miss near the edges, as a fraction of κ: no outliers, these."""
+"""The least scale of residuals, as a fraction of κ."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossings:
     """Fitted corners: ``uv`` (n, 2) px, its standard deviation ``std`` (n,) px, signed ``strength`` κ in grey
-    levels, ``residual`` (n,) the fit's robust scale in grey levels, and whether the fit is ``sound`` (n,).
+    levels, ``residual`` (n,) the fit's robust scale in grey levels, whether the fit is ``sound`` (n,), and ``half``
+    (n,) px the half side of its window.
     """
 
     uv: Floats
@@ -63,119 +71,133 @@ class Crossings:
     strength: Floats
     residual: Floats
     sound: Bools
+    half: Floats
 
     def select(self, keep: Ints) -> Crossings:
         """The corners at the positions ``keep``."""
-        return Crossings(*(field[keep] for field in self._fields()))
+        return _selected(self, keep)
 
     def replaced(self, where: Ints, others: Crossings) -> Crossings:
         """The same corners, with ``others`` at the positions ``where``."""
-        fields = []
-        for mine, other in zip(self._fields(), others._fields(), strict=True):
-            mine = mine.copy()
-            mine[where] = other
-            fields.append(mine)
-        return Crossings(*fields)
-
-    def _fields(self) -> tuple[Any, ...]:
-        return self.uv, self.std, self.strength, self.residual, self.sound
-
-
-def _joined(parts: Sequence[Crossings]) -> Crossings:
-    """The corners of all ``parts``, one after the other."""
-    return Crossings(*map(np.concatenate, zip(*(part._fields() for part in parts), strict=True)))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Windows:
-    """Where to fit: corners ``uv`` (n, 2) px, ``axes`` (n, 2, 2) px a window's half side, ``bend`` (n, 2, 3)
-    px.
-
-    The point (s, t) of a window lies at uv + axes·(s, t) + bend·(s², st, t²).
-    """
-
-    uv: Floats
-    axes: Floats
-    bend: Floats
-
-    def scaled(self, factor: float) -> Windows:
-        """The same windows, ``factor`` times as wide."""
-        return Windows(self.uv, self.axes * factor, self.bend * factor**2)
-
-    def select(self, keep: Ints) -> Windows:
-        """The windows at the positions ``keep``."""
-        return Windows(self.uv[keep], self.axes[keep], self.bend[keep])
-
-    def places(self) -> Floats:
-        """(n, SAMPLES, 2) px of the places to read."""
-        s, t = _places()
-        linear = np.stack([s, t], axis=1) @ self.axes.transpose(0, 2, 1)
-        bent = np.stack([s * s, s * t, t * t], axis=1) @ self.bend.transpose(0, 2, 1)
-        return self.uv[:, None] + linear + bent
-
-
-@cache
-def _places() -> Floats:
-    """(2, SAMPLES) points (s, t) that fill a window evenly and symmetrically, no two on one line.
-
-    On a regular grid all samples along an edge that runs with the pixels' rows would share one fraction of a
-    pixel, and with it one error of interpolation. (The additive sequence of the plastic number; Roberts,
-    2018.)
-    """
-    plastic = 1.324717957244746
-    steps = np.arange(1, SAMPLES // 2 + 1)
-    half = np.stack([steps / plastic % 1.0, steps / plastic**2 % 1.0]) * 2 - 1
-    return np.concatenate([half, -half], axis=1)
+        together = _joined([self, others])
+        order = np.arange(len(self.uv))
+        order[where] = len(self.uv) + np.arange(len(others.uv))
+        return together.select(order)
 
 
 def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
-    """Fits the two edges in each of ``windows``."""
-    count = len(windows.uv)
-    blocks = np.array_split(np.arange(count), max(1, -(-count // BLOCK)))
-    return _joined([_fit_block(grey, windows.select(block)) for block in blocks])
+    """Fits the two edges in each of ``windows`` (one or more).
+
+    They are fitted to few samples first, as a step costs what its samples cost.
+    """
+    order = np.argsort(-windows.area, kind="stable")  # of those of like size as many samples are worth reading
+    ordered = windows.select(order)
+    rough = _joined([_fitted(*each) for each in _blocks(grey, ordered, _start(len(order)), ROUGHLY)])
+    fine = [_crossings(*each[:2], _fitted(*each)) for each in _blocks(grey, ordered, rough, MOST)]
+    return _joined(fine).select(np.argsort(order))
 
 
-def _fit_block(grey: Grey, windows: Windows) -> Crossings:
-    places = windows.places()
-    size = np.array([grey.shape[1], grey.shape[0]]) - 1
-    inside = np.asarray(((places >= 0) & (places <= size)).all(axis=2))
-    values = sample(grey, places)
-    scale = np.linalg.norm(windows.axes, axis=1)
-    # Columns: d, e, alpha, beta in units of the window, log of the blur in px.
-    shape = np.zeros((len(values), 5))
+def _blocks(grey: Grey, windows: Windows, fits: _Fit, most: int) -> Iterator[tuple[Windows, Samples, _Fit]]:
+    """As many of ``windows``, largest first, at a time as suit a cache, what is read in them, and their ``fits``."""
+    counts = np.minimum(worth_reading(windows), most)
+    first = 0
+    while first < len(counts):
+        count = int(counts[first])
+        block = np.arange(first, min(first + max(1, BLOCK // count), len(counts)))
+        part = windows.select(block)
+        yield part, read(grey, part, count), _selected(fits, block)
+        first = int(block[-1]) + 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """``shape`` (n, 5): d, e, α, β in units of the window and log b, b in px; ``linear`` (n, 6): c₀ to κ₂.
+
+    ``step`` (n, 5) is the last one, ``spread`` (n,) the residuals' scale, ``normal`` (n, 11, 11) of the last solve.
+    """
+
+    shape: Floats
+    linear: Floats
+    step: Floats
+    spread: Floats
+    normal: Floats
+
+    @property
+    def strength(self) -> Floats:
+        """κ (n,), never zero."""
+        return _nonzero(self.linear[:, 3])
+
+
+def _nonzero(strength: Floats) -> Floats:
+    return np.where(np.abs(strength) < 1e-6, 1e-6, strength)
+
+
+Fitted = TypeVar("Fitted", Crossings, _Fit)
+
+
+def _selected(fitted: Fitted, keep: Ints) -> Fitted:
+    """The windows at the positions ``keep``."""
+    return replace(fitted, **{field.name: getattr(fitted, field.name)[keep] for field in fields(fitted)})
+
+
+def _joined(parts: Sequence[Fitted]) -> Fitted:
+    """The windows of all ``parts``, one after the other."""
+    names = [field.name for field in fields(parts[0])]
+    return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def _start(count: int) -> _Fit:
+    """Two edges along the windows' axes, before anything is known of the grey levels."""
+    shape = np.zeros((count, 5))
     shape[:, 4] = np.log(FIRST_BLUR)
-    weight = inside.astype(np.float64)
+    return _Fit(shape, np.zeros((count, 6)), np.zeros((count, 5)), np.full(count, np.inf), np.zeros((count, 11, 11)))
+
+
+def _fitted(windows: Windows, samples: Samples, fit: _Fit) -> _Fit:
+    """``fit`` improved on ``samples`` by steps of Gauss and Newton, each forgetting what the fit before does not know.
+    """
+    scale = np.linalg.norm(windows.axes, axis=1)
     for _ in range(ITERATIONS):
-        design = _design(shape, scale)
-        weighted = design * weight[:, None]
-        normal = np.asarray(weighted @ design.transpose(0, 2, 1))
-        normal += 1e-9 * np.einsum("nii->n", normal)[:, None, None] * np.eye(11)
-        solution = np.linalg.solve(normal, weighted @ values[:, :, None])
-        residual = values - (solution.transpose(0, 2, 1) @ design)[:, 0]
-        solution = solution[:, :, 0]
-        strength = np.where(np.abs(solution[:, 3]) < 1e-6, 1e-6, solution[:, 3])
-        step = solution[:, 6:] / strength[:, None]
-        shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST, GREATEST)
-        scatter = 1.4826 * np.median(np.abs(residual * inside), axis=1)
-        spread = scatter + LEAST_SPREAD * np.abs(strength)
-        if (np.abs(step[:, :2]) * scale).max(initial=0.0) < SETTLED:
+        design = _design(fit.shape, scale, samples)
+        misfit = samples.values - (fit.linear[:, None] @ design[:, :6])[:, 0]
+        fit = _step(samples, design, _trust(misfit, fit, samples.inside), fit.shape)
+        if (np.abs(fit.step[:, :2]) * scale).max(initial=0.0) < SETTLED:
             break
-        ratio = residual / (2 * OUTLIER * spread[:, None])
-        weight = np.asarray(inside * np.clip(1 - ratio**2, 0.0, None) ** 2)
-    return _crossings(windows, shape, strength, spread, normal, step, scale)
+    return fit
 
 
-def _design(shape: Floats, scale: Floats) -> Floats:
-    """(n, 11, SAMPLES): the six linear terms, then the derivatives by d, e, α, β and log b, each per unit of
+def _trust(misfit: Floats, fit: _Fit, inside: Bools) -> Floats:
+    """Tukey's weights (n, m), and all alike where a step has gone so far that hardly any would be left."""
+    end = 2 * OUTLIER * (fit.spread + TOLERATED * np.abs(fit.linear[:, 3]))
+    weight = inside * np.clip(1 - (misfit / end[:, None]) ** 2, 0.0, None) ** 2
+    lost = weight.sum(axis=1) < LEAST_KEPT * inside.sum(axis=1)
+    return np.where(lost[:, None], inside, weight)
+
+
+def _step(samples: Samples, design: Floats, weight: Floats, shape: Floats) -> _Fit:
+    weighted = design * weight[:, None]
+    normal = np.asarray(weighted @ design.transpose(0, 2, 1))
+    normal += 1e-9 * np.einsum("nii->n", normal)[:, None, None] * np.eye(11)
+    solution: Floats = np.asarray(np.linalg.solve(normal, weighted @ samples.values[:, :, None])[:, :, 0], np.float64)
+    residual = samples.values - (solution[:, None] @ design)[:, 0]
+    scatter = 1.4826 * np.median(np.abs((residual * samples.inside)[:, ::SKIPPED]), axis=1)
+    strength = _nonzero(solution[:, 3])
+    step = solution[:, 6:] / strength[:, None]
+    shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST, GREATEST)
+    return _Fit(shape, solution[:, :6], step, scatter + LEAST_SPREAD * np.abs(strength), normal)
+
+
+def _design(shape: Floats, scale: Floats, samples: Samples) -> Floats:
+    """(n, 11, m): the six linear terms, then the derivatives by d, e, α, β and log b, each per unit of
     κ.
     """
-    s, t = _places()
+    s, t = samples.s, samples.t
     d, e, alpha, beta, log_blur = (column[:, None] for column in shape.T)
     across_s, across_t = s - d - alpha * t, t - e - beta * s
     blur = np.exp(log_blur)
     edge_s, slope_s = _edge(across_s, blur / scale[:, :1])
     edge_t, slope_t = _edge(across_t, blur / scale[:, 1:])
-    design = np.empty((len(shape), 11, SAMPLES))
+    design = np.empty((len(shape), 11, s.shape[1]))
     design[:, 0], design[:, 1], design[:, 2] = 1.0, s, t
     both, by_d, by_e = design[:, 3], design[:, 6], design[:, 7]
     np.multiply(edge_s, edge_t, out=both)
@@ -195,15 +217,8 @@ def _edge(x: Floats, blur: Floats) -> tuple[Floats, Floats]:
     return erf(z / np.sqrt(2.0)), np.sqrt(2.0 / np.pi) * np.exp(-z * z / 2) / blur
 
 
-def _crossings(
-    windows: Windows,
-    shape: Floats,
-    strength: Floats,
-    spread: Floats,
-    normal: Floats,
-    step: Floats,
-    scale: Floats,
-) -> Crossings:
+def _crossings(windows: Windows, samples: Samples, fit: _Fit) -> Crossings:
+    shape, strength = fit.shape, fit.strength
     # The edges s = d + αt and t = e + βs cross at:
     d, e, alpha, beta = shape[:, :4].T
     across = 1 - alpha * beta
@@ -211,9 +226,10 @@ def _crossings(
     st = np.stack([s, t], axis=1)
     shift = (windows.axes @ st[:, :, None])[:, :, 0]
     shift += (windows.bend @ np.stack([s * s, s * t, t * t], axis=1)[:, :, None])[:, :, 0]
-    covariance = np.linalg.inv(normal)[:, 6:8, 6:8] * ((spread / strength) ** 2)[:, None, None]
+    covariance = np.linalg.inv(fit.normal)[:, 6:8, 6:8] * (samples.shared * (fit.spread / strength) ** 2)[:, None, None]
     spatial = windows.axes @ covariance @ windows.axes.transpose(0, 2, 1)
     std = np.sqrt(np.maximum(np.einsum("nii->n", spatial) / 2, 0.0))
-    settled = (np.abs(step[:, :2]) * scale < 0.1).all(axis=1)
+    scale = np.linalg.norm(windows.axes, axis=1)
+    settled = (np.abs(fit.step[:, :2]) * scale < 0.1).all(axis=1)
     sound = settled & (np.abs(st) < 0.5).all(axis=1) & (np.abs(shape[:, 2:4]) < 0.6).all(axis=1)
-    return Crossings(windows.uv + shift, std, strength, spread, sound & np.isfinite(std))
+    return Crossings(windows.uv + shift, std, strength, fit.spread, sound & np.isfinite(std), np.sqrt(windows.area) / 2)

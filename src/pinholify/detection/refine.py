@@ -9,12 +9,13 @@ from collections.abc import Callable
 import numpy as np
 
 from pinholify.arrays import Bools, Floats, Ints
-from pinholify.detection.edges import Crossings, Windows, fit_crossings
+from pinholify.detection.edges import Crossings, fit_crossings
 from pinholify.detection.growth import regular, signs
 from pinholify.detection.intensity import Grey
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.prediction import local_frames
 from pinholify.detection.saddle import refine_saddles
+from pinholify.detection.windows import Windows
 
 FIRST_WINDOW = 0.15
 """Half window, as a fraction of the spacing, of the quadratic fit that brings corners within reach of the
@@ -24,7 +25,7 @@ last fit.
 WINDOW = 0.33
 """Half window of the last fit, likewise: the lines of a third of a square each way."""
 
-WIDEST = 20.0
+WIDEST = 60.0
 """Half windows are no wider than this, in px."""
 
 SPOILT = 1.4
@@ -72,7 +73,11 @@ def fit_corners(grey: Grey, uv: Floats, jacobian: Floats, second: Floats) -> Cro
 
 def weights(crossings: Crossings) -> Floats:
     """FLOOR / √(FLOOR² + std²), (n,)."""
-    return np.asarray(FLOOR / np.hypot(FLOOR, crossings.std))
+    return _weight(crossings.std)
+
+
+def _weight(std: Floats) -> Floats:
+    return np.asarray(FLOOR / np.hypot(FLOOR, std))
 
 
 def _windows(uv: Floats, jacobian: Floats, second: Floats, fraction: float) -> Windows:
@@ -97,10 +102,12 @@ def _fit(grey: Grey, windows: Windows) -> Crossings:
 def true_corners(lattice: Lattice, crossings: Crossings, usual: Bools | None = None) -> Bools:
     """Which fits (n,) have the colours of their index, a tenth of the usual contrast, half of the usual weight.
 
+    Smaller windows leave a corner less well known: it is given the weight that it had if all were of the usual size.
     ``usual`` (n,) are the corners that tell what is usual: all of them by default.
     """
     usual = np.ones(len(lattice), dtype=bool) if usual is None else usual
     strength = crossings.strength * signs(lattice.index, lattice.phase)
     clear = strength > 0.1 * np.median(strength[usual])
-    sure = lattice.weights > 0.5 * np.median(lattice.weights[usual])
+    weight = _weight(crossings.std * crossings.half / np.median(crossings.half[usual]))
+    sure = weight > 0.5 * np.median(weight[usual])
     return np.asarray(crossings.sound & clear & sure & (crossings.residual < 0.5 * strength))
