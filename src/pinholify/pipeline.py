@@ -146,6 +146,7 @@ def _calibration(
         "start_fits": result.start_fits,
         "disagreement": result.disagreement,
         "motion_px": result.motion_px,
+        "too_few_boards": result.too_few,
         "board_noise_px": dict(result.board_noise_px),
         "board_bow_mm": _in_mm(shape.bow, square_mm),
         "board_warp_mm": _in_mm(shape.warp, square_mm),

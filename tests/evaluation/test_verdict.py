@@ -168,3 +168,11 @@ def test_a_camera_of_another_lens_is_poor(barrel_calibration):
 def test_a_place_in_words(centre, words):
     outline = np.add(centre, [[-10, -10], [10, -10], [10, 10], [-10, 10]])
     assert place(NextBoard(Pose(np.eye(3), np.zeros(3)), outline, 1.0, 0.5), (1000, 800)) == words
+
+
+def test_boards_too_few_to_tell_what_makes_them_differ_make_no_good_camera(barrel_set, barrel_calibration):
+    assert "uneven" not in judge(evaluate(barrel_calibration, barrel_set, compare_opencv=False), barrel_set).sentence
+    puzzled = dataclasses.replace(barrel_calibration, details={"too_few_boards": True})
+    verdict = judge(evaluate(puzzled, barrel_set, compare_opencv=False), barrel_set)
+    assert verdict.level == "fair"
+    assert "more photographs would tell" in verdict.sentence

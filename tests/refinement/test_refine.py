@@ -466,3 +466,27 @@ def test_four_boards_tell_a_stretched_print_from_pixels_that_are_not_square(seed
     result = refine(scene.corners, reference="view00")
     promised = np.sqrt(2.0 * (result.camera.shape_std(grid(result)) ** 2).mean())
     assert covered_error(scene, result) < 3.0 * promised
+
+
+def test_four_boards_that_moved_are_not_taken_for_a_stretched_print() -> None:
+    """So few tell one from the other as little as from an uneven board: they get neither, and it is said."""
+    scene = make_scene("pinhole", views=4, motion=0.01, seed=4)
+    result = refine(scene.corners, reference="view00")
+    assert result.too_few
+    assert result.motion_px == 0.0
+    assert result.shape.stretch is None
+    still = refine(make_scene("pinhole", views=4, stretch=0.005).corners, reference="view00")
+    assert not still.too_few
+    assert still.shape.stretch == pytest.approx(0.005, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["pinhole", "fisheye"])
+def test_five_boards_tell_their_own_shape(name: str) -> None:
+    found = []
+    for seed in range(4):
+        scene = make_scene(name, views=5, warp=cockled(0.006, seed), seed=seed)
+        result = refine(scene.corners, reference="view00")
+        assert not result.too_few
+        found += [result.shape.warp] if result.shape.warp is not None else []
+    assert len(found) >= 3
+    assert found == pytest.approx([0.006 * np.sqrt(2.0)] * len(found), rel=0.25)  # of shifts along both axes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pinholify.board import Checkerboard, lattice
+from pinholify.board import Checkerboard, Screen, lattice
 from pinholify.refinement.basis import sine_basis
 from pinholify.refinement.evidence import (
     Hyperparameters,
@@ -387,3 +387,12 @@ def test_averaging_the_process_leaves_the_evidence(scene: Scene) -> None:
     found = posterior(averaged, averaged.precision, hyper.noise)
     assert found.log_evidence == pytest.approx(whole.log_evidence, abs=1e-5)
     np.testing.assert_allclose(found.delta, whole.delta[2 * len(problem.frequencies) :], rtol=1e-5, atol=1e-9)
+
+
+def test_a_screen_may_be_bent_and_nothing_else() -> None:
+    """Its pixels are a true square lattice, which paper need not be."""
+    screen, paper = board_shape(Screen(320, 192)), board_shape(BOARD)
+    assert screen.has("bend")
+    assert not screen.has("stretch")
+    assert paper.has("stretch")
+    assert len(screen.smaller()) == 2

@@ -188,6 +188,8 @@ def _level(
         reasons.append(f"its corners scatter by {noise:.2g} px, {USUAL_PX:g} or less is usual: {ROUGH}")
     if covered < ENOUGH_COVERAGE:
         reasons.append(f"boards cover only {100 * covered:.0f} % of the image")
+    if evaluation.calibration.details.get("too_few_boards"):
+        reasons.append("its boards differ as if they had moved or were uneven, which more photographs would tell")
     if suspicious:
         reasons.append(f"boards that look wrong: {', '.join(s.name for s in suspicious[:3])}")
     if evaluation.wrong.crowded:

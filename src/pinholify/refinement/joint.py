@@ -17,6 +17,7 @@ from pinholify.refinement.cleaning import Cleaned, clean, screen, spoilt
 from pinholify.refinement.disagreement import disagreement
 from pinholify.refinement.motion import motion_of, motion_rms
 from pinholify.refinement.observations import (
+    MANY_BOARDS,
     ImageFrame,
     Observations,
     image_frame,
@@ -33,7 +34,7 @@ from pinholify.refinement.result import (
     shape_of,
 )
 from pinholify.refinement.settle import SolveError, best_shape
-from pinholify.refinement.shape import WARP, board_shape
+from pinholify.refinement.shape import BEND, STRETCH, WARP, board_shape
 from pinholify.refinement.solver import Solution
 from pinholify.refinement.spectral import density_named
 from pinholify.refinement.start import first_solution, given_lens
@@ -131,16 +132,24 @@ def _refined(
 
 
 def _richer(setting: Setting, cleaned: Cleaned, say: Progress) -> Setting:
-    """``setting`` with what the finished solve without it asks for: a warp of the board, motions of the boards."""
+    """``setting`` with what the finished solve without it asks for: a warp of the board, motions of the boards.
+
+    Few boards cannot tell motions from what the board's shape does to them, nor from a stretch of the print: where they
+    ask for motions they get neither.
+    """
     solution, seen = cleaned.settled.solution, cleaned.seen
-    if not setting.shape.has(WARP):
+    if setting.shape.has(STRETCH) and not setting.shape.has(WARP):  # a board that was printed
         warped = warp_of(solution, setting.shape, seen, setting.density, cleaned.settled.hyperparameters)
         if warped is not None:
             say("the board's corners are off alike in all views: the board gets a shape of its own")
             setting = replace(setting, shape=warped)
     if not setting.motion and (motion := motion_of(solution, seen)):
-        say("the boards moved while the shutter rolled: each gets a motion of its own")
-        setting = replace(setting, motion=motion)
+        if seen.boards >= MANY_BOARDS:
+            say("the boards moved while the shutter rolled: each gets a motion of its own")
+            setting = replace(setting, motion=motion)
+        elif setting.shape.has(STRETCH):
+            say("the boards differ by more than noise, so few of them do not tell whether the print is stretched")
+            setting = replace(setting, shape=setting.shape.of(BEND))
     return setting
 
 
@@ -218,6 +227,7 @@ def _result(
         board_noise_px=_board_noise(corner_set, cleaned, noise_px),
         disagreement=plane_map.disagreement,
         motion_px=motion_px,
+        too_few=seen.boards < MANY_BOARDS and motion_of(settled.solution, seen) > 0.0,
     )
 
 

@@ -13,6 +13,7 @@ from pinholify.corners import Corners
 
 ENOUGH = 1200  # corners to lead a solve near its end
 FEWEST = 16  # of a board, where it has as many
+MANY_BOARDS = 5  # from which on what boards share can be told from what each does of its own
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -52,7 +52,9 @@ class JointResult:
     whether the camera that was given as a start explains the corners; None where none was given. ``disagreement``: how
     many times larger the boards' disagreement, and so every standard deviation, is than the noise makes it.
     ``board_noise_px`` is each used view's own noise, ``noise_px`` unless views differ by more than chance;
-    ``motion_px`` is by how much boards moved while the shutter rolled, beyond what a pose makes good: rms an axis.
+    ``motion_px`` is by how much boards moved while the shutter rolled, beyond what a pose makes good: rms an axis;
+    ``too_few`` says that boards differ by more than noise in what so few of them do not tell apart: motions, a print
+    that is no square lattice.
     """
 
     camera: VirtualCamera
@@ -72,6 +74,7 @@ class JointResult:
     start_fits: bool | None = None
     disagreement: float = 1.0
     motion_px: float = 0.0
+    too_few: bool = False
 
     @property
     def intrinsics_std(self) -> Floats:

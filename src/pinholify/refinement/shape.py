@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinholify.arrays import Bools, Floats, Ints
-from pinholify.board import Board, lattice
+from pinholify.board import Board, Screen, lattice
 from pinholify.refinement.observations import Observations, lattice_middle
 from pinholify.refinement.surface import surface_functions
 
@@ -121,15 +121,16 @@ class BoardShape:
 
 
 def board_shape(board: Board) -> BoardShape:
-    """All shapes that ``board`` may have but for a warp."""
+    """All shapes that ``board`` may have but for a warp; a screen's pixels are a true square lattice, if a bent one."""
     flat = lattice(board) - lattice_middle(board)
     xi, upsilon = flat.T / np.abs(flat).max(axis=0)[:, None]
     bends = np.column_stack([xi**2, xi * upsilon, upsilon**2, xi**4, xi**2 * upsilon**2, upsilon**4])
     count = bends.shape[1]
-    return BoardShape(
+    printed = BoardShape(
         flat,
         np.column_stack([bends, flat[:, 1], flat[:, 1]]),
         np.append(np.repeat(2, count), [1, 0]),
         np.append(np.repeat(BEND, count), [STRETCH, STRETCH]),
         np.append(np.repeat(HEIGHT_STD, count), [STRETCH_STD, STRETCH_STD]),
     )
+    return printed.of(BEND) if isinstance(board, Screen) else printed

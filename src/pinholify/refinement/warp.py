@@ -9,13 +9,12 @@ import numpy as np
 from pinholify.arrays import Bools, Floats
 from pinholify.refinement.evidence import Hyperparameters, Linearised, linearised, posterior, process_averaged
 from pinholify.refinement.normal import eliminate
-from pinholify.refinement.observations import Observations
+from pinholify.refinement.observations import MANY_BOARDS, Observations
 from pinholify.refinement.shape import WARP, BoardShape
 from pinholify.refinement.sharing import SharedError, shared_error
 from pinholify.refinement.solver import Solution
 from pinholify.refinement.spectral import LogDensity
 
-FEWEST_BOARDS = 6
 ALIKE = 0.01  # p-value: boards whose corners are off alike by chance are rarer
 WORTH = 6.0  # nats that a warp has to bring for its two sizes
 FIRST_STD = 3e-3  # squares
@@ -39,7 +38,7 @@ def warp_of(
     What the boards do not have in common is no warp, however well one would explain it: few boards' own errors, each
     corner's taken for independent, can look like one.
     """
-    if seen.boards < FEWEST_BOARDS or shared_by_boards(solution, seen).p_value > ALIKE:
+    if seen.boards < MANY_BOARDS or shared_by_boards(solution, seen).p_value > ALIKE:
         return None
     state, model = solution.state, solution.model
     warped = shape.warped(FIRST_STD, FIRST_STD)
