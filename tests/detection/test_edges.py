@@ -97,7 +97,8 @@ def test_edges_sharper_than_pixels_are_no_outliers():
     for _ in range(60):
         centre, turn = CENTRE + rng.uniform(-0.5, 0.5, 2), rng.uniform(0, 6.2)
         angles = (turn, turn + rng.uniform(1.2, 1.9))
-        pixels = np.mean([corner(centre + [du, dv], angles, blur=0.3)[0] for du in parts for dv in parts], axis=0)
+        shifts = np.array([(du, dv) for du in parts for dv in parts])
+        pixels = np.mean([corner(centre + shift, angles, blur=0.3)[0] for shift in shifts], axis=0)
         axes = corner(centre, angles)[1]
         errors.append(fit_crossings(np.round(pixels).astype(np.float32), window(centre, axes, 20.0)).uv[0] - centre)
     assert np.sqrt(np.mean(np.square(errors))) < 0.0045
