@@ -22,7 +22,7 @@ from scipy.special import erf
 
 from pinholify.arrays import Bools, Floats, Ints
 from pinholify.detection.intensity import Grey
-from pinholify.detection.windows import MOST, Samples, Windows, read, worth_reading
+from pinholify.detection.windows import Samples, Windows, read, worth_reading
 
 BLOCK = 12_000
 """Places read at a time: as many as fit a processor's cache."""
@@ -92,14 +92,17 @@ def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
     """
     order = np.argsort(-windows.area, kind="stable")  # of those of like size as many samples are worth reading
     ordered = windows.select(order)
-    rough = _joined([_fitted(*each) for each in _blocks(grey, ordered, _start(len(order)), ROUGHLY)])
-    fine = [_crossings(*each[:2], _fitted(*each)) for each in _blocks(grey, ordered, rough, MOST)]
+    few = np.full(len(order), ROUGHLY)
+    rough = _joined([_fitted(*each) for each in _blocks(grey, ordered, _start(len(order)), few)])
+    fine = [_crossings(*each[:2], _fitted(*each)) for each in _blocks(grey, ordered, rough, worth_reading(ordered))]
     return _joined(fine).select(np.argsort(order))
 
 
-def _blocks(grey: Grey, windows: Windows, fits: _Fit, most: int) -> Iterator[tuple[Windows, Samples, _Fit]]:
-    """As many of ``windows``, largest first, at a time as suit a cache, what is read in them, and their ``fits``."""
-    counts = np.minimum(worth_reading(windows), most)
+def _blocks(grey: Grey, windows: Windows, fits: _Fit, counts: Ints) -> Iterator[tuple[Windows, Samples, _Fit]]:
+    """As many of ``windows`` at a time as suit a cache, what is read in them, and their ``fits``.
+
+    ``counts`` (n,) of places, none less than any after it, are to be read; in a block as many in each as in its first.
+    """
     first = 0
     while first < len(counts):
         count = int(counts[first])
