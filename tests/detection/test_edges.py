@@ -148,3 +148,14 @@ def test_prediction_follows_a_smooth_lattice():
     middle = (index == [4, 3]).all(axis=1)
     assert np.abs(jacobian[middle][0] - [[50 + 1.6 * 4, 0], [-1.5, 45 - 2]]).max() < 0.2
     assert np.abs(second[middle][0] - [[1.6, 0, 0], [0, -0.5, 0]]).max() < 0.2
+
+
+@pytest.mark.parametrize(("bend", "half"), [(0.0, 49.5), (20.0, 23.7), (200.0, 20.0)])
+def test_windows_end_where_lines_bend_too_much_to_be_known(bend, half):
+    """Half windows, px, of squares of 150 px whose sides are off their tangents by ``bend`` ÷ 2 px."""
+    centre = np.array([75.3, 74.8])
+    grey, axes = corner(centre, (0.0, np.pi / 2), size=(150, 150))
+    second = np.zeros((1, 2, 3))
+    second[0, 1, 0] = bend
+    found = fit_corners(grey, centre[None], 150.0 * axes[None], second)
+    assert found.half[0] == pytest.approx(half, rel=0.01)

@@ -28,6 +28,11 @@ WINDOW = 0.33
 WIDEST = 60.0
 """Half windows are no wider than this, in px."""
 
+STRAIGHT, NARROW = 0.25, 20.0
+"""Nor wider than where the board's lines bend by the first, unless that is narrower than the second, in px: what bends
+so much has a third derivative too, which no fit knows.
+"""
+
 SPOILT = 1.4
 """A window whose misfit is so many times the usual holds something else beside its corner."""
 
@@ -81,7 +86,10 @@ def _weight(std: Floats) -> Floats:
 
 
 def _windows(uv: Floats, jacobian: Floats, second: Floats, fraction: float) -> Windows:
-    part = np.minimum(fraction, WIDEST / np.linalg.norm(jacobian, axis=1))
+    length = np.linalg.norm(jacobian, axis=1)
+    bends = np.linalg.norm(second[:, :, ::2], axis=1).max(axis=1, keepdims=True) / 2
+    straight = np.sqrt(STRAIGHT / np.maximum(bends, 1e-9))
+    part = np.minimum(fraction, np.minimum(WIDEST, np.maximum(straight * length, NARROW)) / length)
     products = np.stack([part[:, 0] ** 2 / 2, part[:, 0] * part[:, 1], part[:, 1] ** 2 / 2], axis=1)
     return Windows(uv, jacobian * part[:, None, :], second * products[:, None, :])
 
