@@ -169,7 +169,7 @@ def _check(reference: str, views: list[Corners], unusable: Mapping[str, str]) ->
         raise CalibrationError(f"the reference '{reference}' is not among the views: choose another reference")
     if len(views) < FEWEST_BOARDS:
         raise CalibrationError(
-            f"the joint refinement needs {FEWEST_BOARDS} boards or more, and can use {len(views)}: "
+            f"{len(views)} boards can be used, the joint refinement needs {FEWEST_BOARDS} or more: "
             "take more photographs"
         )
 
