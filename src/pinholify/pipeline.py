@@ -12,7 +12,7 @@ from pinholify.arrays import Floats, Ints
 from pinholify.calibration.circles import local_centres, needs_centres, true_centres
 from pinholify.calibration.condensing import condensed
 from pinholify.calibration.numbering import check_most_count_alike, numbered_alike
-from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_view
+from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_views
 from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera, virtual
 from pinholify.corners import Corners, CornerSet
@@ -102,11 +102,18 @@ def _calibrate(
         return calibrate_one_image(
             corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
         )
-    name = reference_view(corner_set, reference).name
+    name, *stand_ins = (view.name for view in reference_views(corner_set, reference))
     fewer = condensed(corner_set, max(MOST_FOR_JOINT, SPARSE * len(corner_set.found)))
     try:
         result = refine(
-            fewer, reference=name, mirrored=mirrored, kernel=kernel, trend=trend, start=start, progress=progress
+            fewer,
+            reference=name,
+            stand_ins=stand_ins,
+            mirrored=mirrored,
+            kernel=kernel,
+            trend=trend,
+            start=start,
+            progress=progress,
         )
     except np.linalg.LinAlgError:
         calibrate_one_image(corner_set, reference=name, mirrored=mirrored)  # says it where boards all stand alike
@@ -114,8 +121,8 @@ def _calibrate(
             f"the corners of the {len(corner_set.found)} boards fit no camera together: "
             "look for wrongly numbered corners"
         ) from None
-    check_determined(result.camera, _agreeing(fewer, result), name)
-    return _calibration(result, fewer, corner_set, name, square_mm)
+    check_determined(result.camera, _agreeing(fewer, result), result.reference)
+    return _calibration(result, fewer, corner_set, square_mm)
 
 
 def _agreeing(corner_set: CornerSet, result: JointResult) -> CornerSet:
@@ -128,7 +135,6 @@ def _calibration(
     result: JointResult,
     fewer: CornerSet,
     corner_set: CornerSet,
-    reference: str,
     square_mm: float | None,
 ) -> Calibration:
     shape = result.shape
@@ -157,7 +163,7 @@ def _calibration(
         "joint",
         result.kernel,
         result.trend,
-        reference,
+        result.reference,
         result.intrinsics_std,
         square_mm,
         board_points=points,

@@ -396,6 +396,7 @@ def test_the_reference_must_be_usable(scenes: dict[str, Scene]) -> None:
     bad = spoilt(scenes["pinhole"], wrong=0.0, reversed_views=(0,), moved=-1)
     with pytest.raises(CalibrationError, match="reversed"):
         refine(bad, reference="view00")
+    assert refine(bad, reference="view00", stand_ins=["view03", "view05"]).reference == "view03"
 
 
 def test_a_named_trend_and_kernel_are_used(scenes: dict[str, Scene]) -> None:

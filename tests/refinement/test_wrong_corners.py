@@ -8,7 +8,9 @@ import pytest
 
 from pinholify import calibrate
 from pinholify.board import Checkerboard
+from pinholify.calibration.one_image import reference_views
 from pinholify.corners import Corners, CornerSet
+from pinholify.errors import CalibrationError
 from pinholify.refinement import joint, refine
 from pinholify.refinement.basis import REACH
 from pinholify.refinement.evidence import Hyperparameters
@@ -96,3 +98,15 @@ def test_what_the_functions_leave_out_does_not_show_in_the_noise(ratio: float) -
     assert _resolved(process) <= length
     assert _resolved(replace(process, kernel=np.log([ratio * noise, 0.05]))) == FINEST
     assert _resolved(Hyperparameters(np.empty(0), noise)) == np.inf
+
+
+def test_another_board_is_the_reference_where_the_largest_is_wrong() -> None:
+    corners = make_scene("pinhole").corners
+    largest = reference_views(corners, None)[0]
+    moved = Corners(largest.name, largest.ids, largest.uv + np.where(largest.ids < 27, 4.0, 0.0)[:, None])
+    spoilt_set = corners.with_views(moved if view is largest else view for view in corners.views)
+    calibration = calibrate(spoilt_set, method="joint")
+    assert largest.name in calibration.details["dropped_boards"]
+    assert calibration.reference == reference_views(corners, None)[1].name
+    with pytest.raises(CalibrationError, match=f"'{largest.name}' cannot be used"):
+        calibrate(spoilt_set, method="joint", reference=largest.name)

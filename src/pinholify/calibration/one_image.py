@@ -105,18 +105,24 @@ def reference_view(corner_set: CornerSet, name: str | None) -> Corners:
     Raises CalibrationError when no board was found at all or the chosen view shows too few corners, InputError when
     no view or two views are called so.
     """
+    return reference_views(corner_set, name)[0]
+
+
+def reference_views(corner_set: CornerSet, name: str | None) -> list[Corners]:
+    """The :func:`reference_view` and, unless it was named, the views that can stand in for it, best first."""
     if not corner_set.found:
         raise CalibrationError(
             f"no {corner_set.board.spec} board was found in any of the {len(corner_set.views)} images: "
             f"check the board's size ({corner_set.board.counted}) and that it is sharp and wholly visible"
         )
-    view = max(corner_set.found, key=coverage) if name is None else _named(corner_set, name)
-    if len(view) < MINIMUM_REFERENCE_CORNERS:
+    named = [] if name is None else [_named(corner_set, name)]
+    best, *others = named or sorted(corner_set.found, key=coverage, reverse=True)
+    if len(best) < MINIMUM_REFERENCE_CORNERS:
         raise CalibrationError(
-            f"the reference '{view.name}' shows {len(view)} corners of the board and at least "
+            f"the reference '{best.name}' shows {len(best)} corners of the board and at least "
             f"{MINIMUM_REFERENCE_CORNERS} are needed: choose a photograph in which the board fills the frame"
         )
-    return view
+    return [best, *(view for view in others if len(view) >= MINIMUM_REFERENCE_CORNERS)]
 
 
 def coverage(view: Corners) -> float:
@@ -249,4 +255,4 @@ def _noise_covariance(boards: list[MappedBoard], influence: Influence, common: l
     return np.asarray(own + np.cov(together, rowvar=False))
 
 
-__all__ = ["calibrate_one_image", "check_determined", "check_handedness", "reference_view"]
+__all__ = ["calibrate_one_image", "check_determined", "check_handedness", "reference_views"]

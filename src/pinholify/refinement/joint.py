@@ -54,6 +54,7 @@ def refine(
     corner_set: CornerSet,
     *,
     reference: str,
+    stand_ins: Sequence[str] = (),
     mirrored: bool = False,
     kernel: str = "se",
     trend: str = "auto",
@@ -62,17 +63,17 @@ def refine(
 ) -> JointResult:
     """The camera that all boards of ``corner_set`` determine together.
 
-    ``reference`` is the name of the view whose board fixes the camera's frame, ``mirrored`` says that the
-    image is a reflection (lattices are then left-handed in it), ``kernel`` and ``trend`` are names of the
-    registries. ``start`` is a camera that is roughly this one. ``progress`` is called with one line a stage. Raises
-    InputError for names that are not known and a start of another size, CalibrationError where the corners do not
-    determine a camera.
+    ``reference`` is the name of the view whose board fixes the camera's frame, or the first of the ``stand_ins`` that
+    can be used where it cannot; ``mirrored`` says that the image is a reflection (lattices are then left-handed in it),
+    ``kernel`` and ``trend`` are names of the registries. ``start`` is a camera that is roughly this one. ``progress``
+    is called with one line a stage. Raises InputError for names that are not known and a start of another size,
+    CalibrationError where the corners do not determine a camera.
     """
     say = progress or (lambda _: None)
     density, scales = density_named(kernel)
     stages = searches_named(trend)
     views, unusable = usable_views(corner_set.views, corner_set.board, mirrored)
-    _check(reference, views, unusable)
+    _used_reference((reference, *stand_ins), views, unusable)
     frame = image_frame(corner_set.image_size, mirrored)
     given = None if start is None else given_lens(start, frame, corner_set.image_size)
     everything = observations(views, corner_set.board, frame)
@@ -98,7 +99,8 @@ def refine(
         finalists, cleaned = _refined(setting, stages, known, seen, everything if moving else cleaned.everything, trend)
     for candidate in finalists:
         say(f"trend {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
-    _check(reference, [v for v in views if v.name in cleaned.seen.names], {**unusable, **cleaned.misfits})
+    used = [view for view in views if view.name in cleaned.seen.names]
+    reference = _used_reference((reference, *stand_ins), used, {**unusable, **cleaned.misfits})
     settled = cleaned.settled
     say(f"noise {settled.hyperparameters.noise * frame.scale:.4g} px with trend {settled.model.trend.name}")
     evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in finalists)
@@ -160,18 +162,20 @@ def _ranked(
     return sorted(candidates(setting, stages, known, seen), key=lambda candidate: -candidate.score)
 
 
-def _check(reference: str, views: list[Corners], unusable: Mapping[str, str]) -> None:
-    if reference in unusable:
+def _used_reference(references: Sequence[str], used: Sequence[Corners], unused: Mapping[str, str]) -> str:
+    """The first of ``references`` that is used; raises CalibrationError where none is, and where too few views are."""
+    names = {view.name for view in used}
+    usable = next((name for name in references if name in names), None)
+    if usable is None and (reason := unused.get(references[0])):
+        raise CalibrationError(f"the reference '{references[0]}' cannot be used ({reason}): choose another reference")
+    if usable is None:
+        raise CalibrationError(f"the reference '{references[0]}' is not among the views: choose another reference")
+    if len(used) < FEWEST_BOARDS:
         raise CalibrationError(
-            f"the reference '{reference}' cannot be used ({unusable[reference]}): choose another reference"
-        )
-    if reference not in {view.name for view in views}:
-        raise CalibrationError(f"the reference '{reference}' is not among the views: choose another reference")
-    if len(views) < FEWEST_BOARDS:
-        raise CalibrationError(
-            f"{len(views)} boards can be used, the joint refinement needs {FEWEST_BOARDS} or more: "
+            f"of the boards {len(used)} can be used and the joint refinement needs {FEWEST_BOARDS} or more: "
             "take more photographs"
         )
+    return usable
 
 
 def _spacing(seen: Observations) -> float:
@@ -219,6 +223,7 @@ def _result(
         dropped={**unusable, **cleaned.misfits},
         noise_px=noise_px,
         kernel=kernel,
+        reference=reference,
         trend=settled.model.trend.name,
         candidates=evidences,
         kernel_px=kernel_px,

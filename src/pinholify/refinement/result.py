@@ -43,10 +43,11 @@ class Shape:
 class JointResult:
     """A camera found from all boards together.
 
-    ``intrinsics_covariance`` (3, 3) is that of (f, uc, vc) in squares. ``poses`` are ``camera_from_board`` by
-    view name, in squares, in the camera's frame. ``residuals`` (n, 2) px and ``inliers`` (n,) stand beside
-    the corners of each view that was used; a residual is nan where the camera sees nothing. ``dropped`` says
-    which views were not used, and why; ``dropped_corners`` how many corners of a used view were.
+    ``intrinsics_covariance`` (3, 3) is that of (f, uc, vc) in squares. ``poses`` are ``camera_from_board`` by view
+    name, in squares, in the camera's frame, which the board of the view ``reference`` fixes. ``residuals`` (n, 2) px
+    and ``inliers`` (n,) stand beside the corners of each view that was used; a residual is nan where the camera sees
+    nothing. ``dropped`` says which views were not used, and why; ``dropped_corners`` how many corners of a used view
+    were.
     ``candidates`` are the trends tried (``+gp`` with the process) with their log evidence per squared px;
     ``kernel_px`` is (σ_f, length scales) in px, empty where the evidence switched the process off. ``start_fits``:
     whether the camera that was given as a start explains the corners; None where none was given. ``disagreement``: how
@@ -64,6 +65,7 @@ class JointResult:
     inliers: Mapping[str, Bools]
     dropped: Mapping[str, str]
     noise_px: float
+    reference: str
     kernel: str
     trend: str
     candidates: tuple[tuple[str, float], ...]
