@@ -5,15 +5,22 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from pinholify.geometry import (
     apply_homography,
     convex_hull,
     estimate_homography,
     homography_jacobian,
+    homography_parameter_jacobian,
     homography_response,
+    inverse_2x2,
     line_distances,
     nearest_rotation,
+    rotation_about_z,
+    rotation_to_z,
+    rotations_of,
+    solve_2x2,
 )
 
 H = np.array([[1.2, 0.1, 3.0], [-0.2, 0.9, -1.0], [0.01, -0.02, 1.0]])
@@ -56,6 +63,9 @@ def test_derivatives_of_a_homography():
     p, h = scattered(10), 1e-6
     numeric = [(apply_homography(H, p + e) - apply_homography(H, p - e)) / (2 * h) for e in np.eye(2) * h]
     np.testing.assert_allclose(homography_jacobian(H, p), np.stack(numeric, -1), atol=1e-7)
+    entries = h * np.eye(9).reshape(9, 3, 3)
+    numeric = [(apply_homography(H + e, p) - apply_homography(H - e, p)) / (2 * h) for e in entries]
+    np.testing.assert_allclose(homography_parameter_jacobian(H, p), np.stack(numeric, -1), atol=1e-6)
     q, whitening = apply_homography(H, p), np.broadcast_to(np.eye(2), (10, 2, 2))
     response = homography_response(H, p, whitening)
     for i in (0, 7, 19):
@@ -94,3 +104,32 @@ def test_the_nearest_rotation_is_one(seed):
     r = nearest_rotation(np.random.default_rng(seed).normal(size=(3, 3)))
     np.testing.assert_allclose(r @ r.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(r) == pytest.approx(1.0)
+
+
+def test_the_nearest_rotations_of_many_matrices_are_those_of_each():
+    matrices = np.random.default_rng(0).normal(size=(10, 3, 3))
+    np.testing.assert_allclose(nearest_rotation(matrices), [nearest_rotation(m) for m in matrices], atol=1e-12)
+
+
+def test_rotations_of_vectors_are_scipys():
+    vectors = np.random.default_rng(0).normal(size=(20, 3)) * np.logspace(-9, 0.3, 20)[:, None]
+    np.testing.assert_allclose(rotations_of(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(rotation_about_z(-0.3), Rotation.from_rotvec([0.0, 0.0, 0.3]).as_matrix(), atol=1e-14)
+
+
+@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.36, 0.48, -0.8), (1e-9, 0.0, -1.0)])
+def test_a_direction_is_turned_to_z(direction):
+    turn = rotation_to_z(np.array(direction))
+    np.testing.assert_allclose(turn @ direction, [0.0, 0.0, 1.0], atol=1e-8)
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turn) == pytest.approx(1.0)
+
+
+def test_two_by_two_systems_are_solved():
+    rng = np.random.default_rng(2)
+    matrices, right = rng.normal(size=(50, 2, 2)), rng.normal(size=(50, 2))
+    np.testing.assert_allclose(
+        solve_2x2(matrices, right), np.linalg.solve(matrices, right[:, :, None])[:, :, 0], rtol=1e-8
+    )
+    np.testing.assert_allclose(inverse_2x2(matrices), np.linalg.inv(matrices), rtol=1e-8)
+    assert np.isnan(solve_2x2(np.zeros((1, 2, 2)), np.zeros((1, 2)))).all()

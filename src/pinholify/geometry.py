@@ -1,4 +1,7 @@
-"""Plane and rotation geometry: homographies, hulls, lines, poses. Pure functions on float64 arrays."""
+"""Plane and rotation geometry: homographies, hulls, lines, rotations, poses, 2×2 systems.
+
+Pure functions on float64 arrays.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +30,16 @@ def homography_jacobian(h: Floats, xy: Floats) -> Floats:
     q = homogeneous(xy) @ h.T
     mapped = q[:, :2] / q[:, 2:]
     return (h[None, :2, :2] - mapped[:, :, None] * h[None, 2:, :2]) / q[:, 2, None, None]
+
+
+def homography_parameter_jacobian(h: Floats, xy: Floats) -> Floats:
+    """Derivative (N, 2, 9) of :func:`apply_homography` with respect to the entries of ``h``, row by row."""
+    q = homogeneous(xy)
+    row = q / (q @ h[2])[:, None]
+    jacobian = np.zeros((len(xy), 2, 9))
+    jacobian[:, 0, 0:3] = jacobian[:, 1, 3:6] = row
+    jacobian[:, :, 6:9] = -(row @ h[:2].T)[:, :, None] * row[:, None, :]
+    return jacobian
 
 
 def normalising_similarity(xy: Floats) -> Floats:
@@ -74,12 +87,7 @@ def homography_response(h: Floats, source: Floats, whitening: Floats) -> Floats:
 
     ``source`` (N, 2) and ``whitening`` (N, 2, 2) are those of :func:`estimate_homography`.
     """
-    row = homogeneous(source) / (homogeneous(source) @ h[2])[:, None]
-    mapped = apply_homography(h, source)
-    jacobian = np.zeros((len(source), 2, 8))
-    jacobian[:, 0, 0:3] = jacobian[:, 1, 3:6] = row
-    jacobian[:, :, 6:8] = -mapped[:, :, None] * row[:, None, :2]
-    weighted: Floats = np.reshape(whitening @ jacobian, (-1, 8))
+    weighted: Floats = np.reshape(whitening @ homography_parameter_jacobian(h, source)[:, :, :8], (-1, 8))
     scale = np.linalg.norm(weighted, axis=0)
     pseudo = (np.linalg.pinv(weighted / scale) / scale[:, None]).reshape(8, -1, 2)
     response = np.einsum("pni,nij->pnj", pseudo, whitening).reshape(8, -1)
@@ -87,14 +95,8 @@ def homography_response(h: Floats, source: Floats, whitening: Floats) -> Floats:
 
 
 def _homography_step(h: Floats, p: Floats, q: Floats, weight: Floats) -> Floats:
-    ph = homogeneous(p)
-    w = ph @ h[2]
-    mapped = (ph @ h[:2].T) / w[:, None]
-    jac = np.zeros((len(p), 2, 9))
-    jac[:, 0, 0:3] = jac[:, 1, 3:6] = ph / w[:, None]
-    jac[:, :, 6:9] = -mapped[:, :, None] * (ph / w[:, None])[:, None, :]
-    weighted: Floats = np.reshape(weight @ jac, (-1, 9))
-    residual = (weight @ (q - mapped)[:, :, None]).reshape(-1)
+    weighted: Floats = np.reshape(weight @ homography_parameter_jacobian(h, p), (-1, 9))
+    residual = (weight @ (q - apply_homography(h, p))[:, :, None]).reshape(-1)
     # The scale of h is free; lstsq's minimum-norm solution leaves it alone.
     return np.asarray(np.linalg.lstsq(weighted, residual, rcond=1e-12)[0].reshape(3, 3))
 
@@ -167,6 +169,65 @@ class Pose:
 
 
 def nearest_rotation(matrix: Floats) -> Floats:
-    """The rotation (3, 3) nearest to ``matrix`` in the Frobenius norm."""
+    """The rotations (..., 3, 3) nearest to ``matrix`` (..., 3, 3) in the Frobenius norm."""
     u, _, vt = np.linalg.svd(matrix)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt)
+    u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
+    return np.asarray(u @ vt)
+
+
+def cross_matrices(vectors: Floats) -> Floats:
+    """[v]× (n, 3, 3) of vectors (n, 3)."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+
+
+def rotations_of(vectors: Floats) -> Floats:
+    """Rotations (n, 3, 3) by rotation vectors (n, 3) in radians (Rodrigues); exact to second order around zero."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    cross = cross_matrices(vectors)
+    half = np.sinc(angle / (2.0 * np.pi))
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * (cross @ cross))
+
+
+def rotation_to_z(direction: Floats) -> Floats:
+    """The shortest rotation (3, 3) that takes the unit ``direction`` (3,) to z; by a half turn about x where z < 0."""
+    if direction[2] < 0.0:  # the shortest rotation is ill-conditioned near -z
+        half_turn = np.diag([1.0, -1.0, -1.0])
+        return rotation_to_z(half_turn @ direction) @ half_turn
+    x, y, z = direction
+    cross = np.array([[0.0, 0.0, -x], [0.0, 0.0, -y], [x, y, 0.0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + z))
+
+
+def rotation_about_z(angle: float) -> Floats:
+    """The rotation (3, 3) that turns the axes by ``angle`` in radians about z: x to (cos, -sin, 0)."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+# --- 2×2 systems, many times faster than the general routines ---------------------------------------------------
+
+
+def solve_2x2(matrices: Floats, right: Floats) -> Floats:
+    """Solutions (n, 2) of ``matrices`` (n, 2, 2) s = ``right`` (n, 2); not finite where a matrix is singular."""
+    (a, b), (c, d) = matrices.transpose(1, 2, 0)
+    p, q = right.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.stack([d * p - b * q, a * q - c * p], axis=1) / (a * d - b * c)[:, None])
+
+
+def inverse_2x2(matrices: Floats) -> Floats:
+    """Inverses of ``matrices`` (n, 2, 2); not finite where a matrix is singular."""
+    return inverse_of_parts(matrices.transpose(1, 2, 0)).transpose(2, 0, 1)
+
+
+def inverse_of_parts(matrices: Floats) -> Floats:
+    """Inverses of ``matrices`` (2, 2, n); not finite where a matrix is singular."""
+    (a, b), (c, d) = matrices
+    inverse = np.empty((2, 2, len(a)))
+    inverse[0, 0], inverse[0, 1], inverse[1, 0], inverse[1, 1] = d, -b, -c, a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse /= a * d - b * c
+    return inverse

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pinholify.errors import InputError
 from pinholify.gp.trends import Homography, Lens, Polynomial, trends_named
-from pinholify.gp.trends.base import inverse, solve_2x2
+from pinholify.gp.trends.base import inverse
 
 ALL = [Homography(), Lens(1), Lens(3), Lens(6), Polynomial(3), Polynomial(5)]
 
@@ -65,9 +65,3 @@ def test_a_name_leads_back_to_the_trend(trend):
 def test_a_wrong_name_is_refused_with_the_right_ones(name):
     with pytest.raises(InputError, match="lens"):
         trends_named(name)
-
-
-def test_two_by_two_systems_are_solved():
-    rng = np.random.default_rng(2)
-    matrix, right = rng.normal(size=(50, 2, 2)), rng.normal(size=(50, 2))
-    np.testing.assert_allclose(solve_2x2(matrix, right), np.linalg.solve(matrix, right[:, :, None])[:, :, 0], rtol=1e-8)

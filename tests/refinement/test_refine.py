@@ -10,8 +10,8 @@ from pinholify.arrays import Floats
 from pinholify.board import Checkerboard, lattice
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
+from pinholify.geometry import rotations_of
 from pinholify.refinement import JointResult, refine
-from pinholify.refinement.model import rotations_of
 from pinholify.simulation import lenses
 from pinholify.simulation.views import board_poses, true_corners
 
@@ -89,7 +89,7 @@ def test_features_of_the_covariance(name: str, results: dict[str, JointResult]) 
     rng, h = np.random.default_rng(0), 1e-6
 
     def moved(step: np.ndarray):
-        from pinholify.refinement.model import rotations_of
+        from pinholify.geometry import rotations_of
 
         return replace(
             plane_map,

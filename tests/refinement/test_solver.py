@@ -18,7 +18,7 @@ from pinholify.refinement.evidence import (
     posterior,
     process_averaged,
 )
-from pinholify.refinement.model import Model, State, rotations_of
+from pinholify.refinement.model import Model, State
 from pinholify.refinement.normal import eliminate
 from pinholify.refinement.observations import Observations, image_frame, lattice_middle, observations
 from pinholify.refinement.shape import BoardShape, board_shape
@@ -64,13 +64,6 @@ def disturbed(model: Model, state: State) -> State:
     theta = 1e-2 * rng.normal(size=len(state.globals))
     own = 9 if model.motion else 6
     return state.moved(theta, 1e-2 * rng.normal(size=(len(state.rotations), own)))
-
-
-def test_rotations_of_vectors_are_scipys() -> None:
-    from scipy.spatial.transform import Rotation
-
-    vectors = np.random.default_rng(0).normal(size=(20, 3)) * np.logspace(-9, 0.3, 20)[:, None]
-    np.testing.assert_allclose(rotations_of(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-14)
 
 
 @pytest.mark.parametrize("extended", [False, True])

@@ -16,7 +16,7 @@ from pinholify.calibration.zhang import pose_from_homography
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
 from pinholify.corners import SAME, Corners, CornerSet, repeated
-from pinholify.geometry import Pose, apply_homography, estimate_homography, homography_jacobian
+from pinholify.geometry import Pose, apply_homography, estimate_homography, homography_jacobian, rotation_to_z
 
 if TYPE_CHECKING:
     from pinholify.gp.maps import PlaneMap
@@ -205,9 +205,7 @@ def estimate_pose(camera: VirtualCamera, seen: Sighting) -> tuple[Pose, Floats]:
     """
     directions = camera.chart.directions(seen.coordinates)
     axis = directions.mean(axis=0)
-    turn = np.linalg.qr(np.column_stack([axis, np.eye(3)]))[0][:, [1, 2, 0]]  # columns: a frame whose z is the axis
-    turn = turn * np.sign(axis @ turn[:, 2])
-    turn = turn * [1.0, np.sign(np.linalg.det(turn)), 1.0]
+    turn = rotation_to_z(axis / np.linalg.norm(axis)).T
     local = directions @ turn
     xy = local[:, :2] / local[:, 2:]
     start = pose_from_homography(estimate_homography(seen.target[:, :2], xy), Intrinsics(1.0, 0.0, 0.0))

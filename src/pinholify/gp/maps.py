@@ -18,9 +18,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats
+from pinholify.geometry import solve_2x2
 from pinholify.gp.regression import GaussianProcess
 from pinholify.gp.trends import Trend
-from pinholify.gp.trends.base import LONGEST_STEP, inverse, solve_2x2
+from pinholify.gp.trends.base import LONGEST_STEP, inverse
 
 INVERSE_STEPS = 30
 INVERSE_TOLERANCE = 1e-7  # px

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from pinholify.arrays import Floats, Ints, frozen
-from pinholify.gp.trends.base import solve_2x2
+from pinholify.geometry import solve_2x2
 
 MARGIN = 0.35  # of the box around the image, in half diagonals: at the box's edge the process is held at zero
 NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-6  # of an error that the same step squares

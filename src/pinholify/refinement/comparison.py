@@ -10,8 +10,8 @@ from scipy.optimize import least_squares
 from pinholify.arrays import Bools, Floats
 from pinholify.camera import VirtualCamera
 from pinholify.errors import InputError
+from pinholify.geometry import cross_matrices, nearest_rotation, rotations_of
 from pinholify.refinement.maps import JointMap
-from pinholify.refinement.model import cross_matrices, rotations_of
 
 GRID = 40
 
@@ -97,8 +97,7 @@ def _pixels_per_direction(camera: VirtualCamera, uv: Floats) -> Floats:
 
 def _best_rotation(target: Floats, source: Floats, to_px: Floats) -> Floats:
     """The rotation (3, 3) of ``source`` directions onto ``target`` that leaves the least squares in px."""
-    u, _, vt = np.linalg.svd(target.T @ source)
-    start = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    start = nearest_rotation(target.T @ source)
 
     def residual(vector: Floats) -> Floats:
         turned = source @ (rotations_of(vector[None])[0] @ start).T

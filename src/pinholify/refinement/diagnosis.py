@@ -17,10 +17,8 @@ from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.board import Board, lattice, outline
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
-from pinholify.geometry import Pose
+from pinholify.geometry import Pose, cross_matrices, inverse_2x2, rotations_of
 from pinholify.refinement.maps import JointMap
-from pinholify.refinement.model import cross_matrices, rotations_of
-from pinholify.refinement.trends.base import inverse_2x2
 
 NEIGHBOURS = 8
 GRID = 12  # points of the image along each axis over which the next board's gain is averaged

@@ -12,11 +12,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from pinholify.arrays import Floats
+from pinholify.geometry import inverse_2x2
 from pinholify.refinement.maps import POSE, JointMap
 from pinholify.refinement.model import Linearisation
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.settle import Settled
-from pinholify.refinement.trends.base import inverse_2x2
 
 PLACES = 24  # pixels whose rays are asked
 SURE = 3.0  # standard deviations beyond chance

@@ -15,11 +15,10 @@ from pinholify.charts import (
     directions_to_angles,
     directions_to_angles_jacobian,
 )
+from pinholify.geometry import cross_matrices, inverse_2x2
 from pinholify.refinement.basis import SineBasis
-from pinholify.refinement.model import cross_matrices
 from pinholify.refinement.observations import ImageFrame
 from pinholify.refinement.trends import Trend
-from pinholify.refinement.trends.base import inverse_2x2
 
 if TYPE_CHECKING:  # loads SciPy
     from pinholify.gp.maps import Nearby

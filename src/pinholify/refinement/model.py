@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
+from pinholify.geometry import rotations_of
 from pinholify.refinement.basis import SineBasis
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.shape import BoardShape
@@ -65,22 +66,6 @@ class State:
             translations=self.translations[keep],
             motions=self.motions[keep],
         )
-
-
-def rotations_of(vectors: Floats) -> Floats:
-    """Rotations (n, 3, 3) by rotation vectors (n, 3) (Rodrigues)."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    cross = cross_matrices(vectors)
-    half = np.sinc(angle / (2.0 * np.pi))
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * (cross @ cross))
-
-
-def cross_matrices(vectors: Floats) -> Floats:
-    """[v]× (n, 3, 3) of vectors (n, 3)."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

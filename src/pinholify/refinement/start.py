@@ -22,6 +22,7 @@ from pinholify.arrays import Bools, Floats
 from pinholify.camera import VirtualCamera
 from pinholify.charts import AngleChart, angles_to_directions, directions_to_angles
 from pinholify.errors import CalibrationError, InputError
+from pinholify.geometry import nearest_rotation, rotation_about_z
 from pinholify.refinement.candidates import Setting
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.observations import ImageFrame, Observations
@@ -140,9 +141,7 @@ def given_lens(camera: VirtualCamera, frame: ImageFrame, image_size: tuple[int, 
 def _upright(x: Floats, directions: Floats) -> Floats:
     """The turn (3, 3) about z after which ``directions`` (n, 3) stand as the image points ``x`` (n, 2) seeing them."""
     (a, b), (c, d) = (x - x.mean(axis=0)).T @ directions_to_angles(directions)
-    roll = np.arctan2(b - c, a + d)
-    cosine, sine = np.cos(roll), np.sin(roll)
-    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return rotation_about_z(float(np.arctan2(b - c, a + d)))
 
 
 def simple_lenses() -> list[SimpleLens]:
@@ -172,10 +171,8 @@ def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats,
     columns = columns * np.where(along < 0, -1.0, 1.0)[:, None, None]
     lengths = np.linalg.norm(columns[:, :2], axis=2).mean(axis=1)[:, None]
     first, second = columns[:, 0] / lengths, columns[:, 1] / lengths
-    u, _, vt = np.linalg.svd(np.stack([first, second, np.cross(first, second)], axis=2))
-    sign = np.sign(np.linalg.det(u @ vt))
-    u = np.concatenate([u[:, :, :2], u[:, :, 2:] * sign[:, None, None]], axis=2)
-    return u @ vt, columns[:, 2] / lengths * size
+    rotations = nearest_rotation(np.stack([first, second, np.cross(first, second)], axis=2))
+    return rotations, columns[:, 2] / lengths * size
 
 
 def board_misfit(lens: Lens, seen: Observations) -> tuple[Floats, Floats, Floats]:

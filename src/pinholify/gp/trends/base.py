@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
+from pinholify.geometry import solve_2x2
 
 LONGEST_STEP = 0.3
 FARTHEST = 10.0
@@ -68,11 +69,3 @@ def inverse(trend: Trend, beta: Floats, y: Floats, start: Floats, iterations: in
             length = np.linalg.norm(step, axis=1, keepdims=True)
             x[active] += np.nan_to_num(step * np.minimum(1.0, LONGEST_STEP / length))
     return x, reached
-
-
-def solve_2x2(matrix: Floats, right: Floats) -> Floats:
-    """Solutions (n, 2) of ``matrix`` (n, 2, 2) s = ``right`` (n, 2); not finite where the matrix is singular."""
-    (a, b), (c, d) = matrix.transpose(1, 2, 0)
-    p, q = right.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.stack([d * p - b * q, a * q - c * p], axis=1) / (a * d - b * c)[:, None])

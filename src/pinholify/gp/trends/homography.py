@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Floats
-from pinholify.geometry import apply_homography, estimate_homography, homogeneous, homography_jacobian
+from pinholify.geometry import (
+    apply_homography,
+    estimate_homography,
+    homography_jacobian,
+    homography_parameter_jacobian,
+)
 
 PARAMETERS = 8
 AFFINE_STD = 10.0
@@ -17,16 +22,6 @@ PERSPECTIVE_STD = 1.0
 def matrix(beta: Floats) -> Floats:
     """The homography (3, 3) of parameters (8,): its entries row by row, the last one is 1."""
     return np.append(beta, 1.0).reshape(3, 3)
-
-
-def matrix_jacobian(h: Floats, p: Floats, mapped: Floats) -> Floats:
-    """Derivative (n, 2, 8) of the homography ``h`` at points ``p``, which it maps to ``mapped``, by its parameters."""
-    ph = homogeneous(p)
-    row = ph / (ph @ h[2])[:, None]
-    jacobian = np.zeros((len(p), 2, PARAMETERS))
-    jacobian[:, 0, 0:3] = jacobian[:, 1, 3:6] = row
-    jacobian[:, :, 6:8] = -mapped[:, :, None] * row[:, None, :2]
-    return jacobian
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,4 +57,4 @@ class Homography:
 
     def parameter_jacobian(self, beta: Floats, x: Floats) -> Floats:
         """∂(H x)/∂H."""
-        return matrix_jacobian(matrix(beta), x, self.value(beta, x))
+        return homography_parameter_jacobian(matrix(beta), x)[:, :, :PARAMETERS]

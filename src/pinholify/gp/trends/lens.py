@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Floats
-from pinholify.geometry import apply_homography, homography_jacobian
-from pinholify.gp.trends.homography import PARAMETERS, Homography, matrix, matrix_jacobian
+from pinholify.geometry import apply_homography, homography_jacobian, homography_parameter_jacobian
+from pinholify.gp.trends.homography import PARAMETERS, Homography, matrix
 
 CENTRE_STD = 0.3
 LOG_RATIO_STD = 0.3
@@ -60,7 +60,7 @@ class Lens:
         h = matrix(beta[:PARAMETERS])
         p, by_input, by_shape = self._radial(beta, x)
         by_p = homography_jacobian(h, p)
-        by_homography = matrix_jacobian(h, p, apply_homography(h, p))
+        by_homography = homography_parameter_jacobian(h, p)[:, :, :PARAMETERS]
         return np.concatenate([by_homography, by_p @ np.concatenate([-by_input, by_shape], axis=2)], axis=2)
 
     def _radial(self, beta: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -69,9 +69,10 @@ class Lens:
         d = x - centre
         squares = d**2 * axes
         r2 = squares.sum(axis=1)
-        powers = r2[:, None] ** np.arange(1, self.order + 1)
+        lower = r2[:, None] ** np.arange(self.order)
+        powers = lower * r2[:, None]
         gain = 1.0 + powers @ k
-        slope = (powers / np.maximum(r2, 1e-300)[:, None]) @ (k * np.arange(1, self.order + 1))  # d gain / d r²
+        slope = lower @ (k * np.arange(1, self.order + 1))  # d gain / d r²
         gradient = 2.0 * d * axes
         by_input = gain[:, None, None] * np.eye(2) + slope[:, None, None] * d[:, :, None] * gradient[:, None, :]
         by_ratio = d * (slope * (squares[:, 1] - squares[:, 0]))[:, None]

@@ -172,18 +172,3 @@ class Search:
 
     general: Trend
     within: tuple[Trend, ...]
-
-
-def inverse_2x2(matrices: Floats) -> Floats:
-    """Inverses of ``matrices`` (n, 2, 2), far quicker than the general routine."""
-    return inverse_of_parts(matrices.transpose(1, 2, 0)).transpose(2, 0, 1)
-
-
-def inverse_of_parts(matrices: Floats) -> Floats:
-    """Inverses of ``matrices`` (2, 2, n)."""
-    (a, b), (c, d) = matrices
-    inverse = np.empty((2, 2, len(a)))
-    inverse[0, 0], inverse[0, 1], inverse[1, 0], inverse[1, 1] = d, -b, -c, a
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse /= a * d - b * c
-    return inverse

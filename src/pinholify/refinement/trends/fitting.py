@@ -7,6 +7,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from pinholify.arrays import Floats
 from pinholify.charts import angles_to_directions, directions_to_angles
+from pinholify.geometry import rotation_about_z, rotation_to_z
 from pinholify.refinement.trends.base import Trend
 
 STEPS = 25
@@ -55,19 +56,11 @@ def levelling_rotation(w: Floats, xyz: Floats) -> Floats:
     powers = np.array([(j, k) for j in range(6) for k in range(6 - j)])
     monomials = w[:, :1] ** powers[:, 0] * w[:, 1:] ** powers[:, 1]
     coefficients = np.linalg.lstsq(monomials, directions_to_angles(xyz), rcond=1e-9)[0]
-    tilt = _rotation_to_axis(angles_to_directions(coefficients[:1])[0])
+    tilt = rotation_to_z(angles_to_directions(coefficients[:1])[0])
     coefficients = np.linalg.lstsq(monomials, directions_to_angles(xyz @ tilt.T), rcond=1e-9)[0]
     slope = coefficients[[np.flatnonzero((powers == p).all(axis=1))[0] for p in ((1, 0), (0, 1))]]  # rows by u, by v
     angle = np.arctan2(slope[0, 1] - slope[1, 0], slope[0, 0] + slope[1, 1])
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ tilt
-
-
-def _rotation_to_axis(direction: Floats) -> Floats:
-    """The shortest rotation that takes the unit ``direction`` (3,) to z."""
-    x, y, z = direction
-    cross = np.array([[0.0, 0.0, -x], [0.0, 0.0, -y], [x, y, 0.0]])
-    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + z))
+    return rotation_about_z(angle) @ tilt
 
 
 def _objective(trend: Trend, beta: Floats, w: Floats, c: Floats, precision: Floats) -> tuple[Floats, float]:

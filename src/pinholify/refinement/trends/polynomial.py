@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Bools, Floats, Ints
-from pinholify.refinement.trends.base import Angles, RayChart, Search, Trend, inverse_2x2
+from pinholify.geometry import inverse_2x2
+from pinholify.refinement.trends.base import Angles, RayChart, Search, Trend
 
 DEGREES = (3, 5, 7)
 LINEAR_STD = 10.0

@@ -28,15 +28,8 @@ from itertools import product
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
-from pinholify.refinement.trends.base import (
-    Angles,
-    Plane,
-    RayChart,
-    Search,
-    Trend,
-    inverse_2x2,
-    inverse_of_parts,
-)
+from pinholify.geometry import inverse_2x2, inverse_of_parts
+from pinholify.refinement.trends.base import Angles, Plane, RayChart, Search, Trend
 
 MATRIX_STD = 10.0
 ANISOTROPY_STD = 0.001  # pixels are nearly square: what is more has to be told by many corners
