@@ -8,19 +8,17 @@ from functools import partial
 
 import numpy as np
 
-from pinholify.arrays import Floats, Ints
+from pinholify.arrays import Floats
 from pinholify.calibration.circles import local_centres, needs_centres, true_centres
 from pinholify.calibration.condensing import condensed
 from pinholify.calibration.numbering import check_most_count_alike, numbered_alike
 from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_views
 from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera, virtual
-from pinholify.corners import Corners, CornerSet
+from pinholify.corners import CornerSet
 from pinholify.errors import CalibrationError, InputError
 from pinholify.refinement import JointResult, refine
 from pinholify.refinement.observations import lattice_middle
-from pinholify.refinement.outliers import LIMIT
-from pinholify.refinement.solver import lengths
 
 METHODS = ("auto", "joint", "one-image")
 FEWEST_FOR_JOINT = 4
@@ -180,13 +178,6 @@ def _wrong_corners(
 ) -> dict[str, list[int]]:
     """Ids by view of the corners that the solve of ``fewer`` found wrong; board ``points`` (corners, 3) by id."""
     pairs = zip(corner_set.views, fewer.views, strict=True)
-    wrong = {v.name: _wrong_ids(result, solved, v, points) for v, solved in pairs if v.name in result.inliers}
+    inliers = {v.name: result.inliers_of(v, solved, points) for v, solved in pairs if v.name in result.inliers}
+    wrong = {view.name: view.ids[~inliers[view.name]] for view in corner_set.views if view.name in inliers}
     return {name: ids.tolist() for name, ids in wrong.items() if len(ids)}
-
-
-def _wrong_ids(result: JointResult, solved: Corners, view: Corners, points: Floats) -> Ints:
-    """Of a condensed ``view``, which was solved as other points, each corner is judged by the limit that they were."""
-    if solved is view:
-        return np.asarray(view.ids[~result.inliers[view.name]])
-    seen = result.camera.project(result.poses[view.name].apply(points[view.ids]))
-    return np.asarray(view.ids[~(lengths(seen - view.uv, view.weights) <= LIMIT * result.board_noise_px[view.name])])

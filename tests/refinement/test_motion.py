@@ -27,7 +27,7 @@ def around_the_truth(scene: Scene, moved: set[int]) -> tuple[Solution, Observati
     beta[3:5] = FRAME.normalise(np.array([401.0, 297.0]))
     middle = np.append(lattice_middle(BOARD), 0.0)
     eta = np.zeros(len(model.shape.prior_std))
-    state = State(np.zeros((0, 2)), beta, eta, scene.rotations, scene.translations + scene.rotations @ middle)
+    state = State.still(beta, eta, scene.rotations, scene.translations + scene.rotations @ middle)
     solution = measured(model, state, seen, model.trend_precision(), Loss(0.1 / FRAME.scale))
     assert solution is not None
     return solution, seen

@@ -44,8 +44,8 @@ def truth(scene: Scene, model: Model) -> State:
     beta[centre] = FRAME.normalise(np.array([401.0, 297.0]))
     middle = np.append(lattice_middle(BOARD), 0.0)
     eta = np.zeros(len(model.shape.prior_std))
-    weights = np.zeros((len(model.basis), 2))
-    return State(weights, beta, eta, scene.rotations, scene.translations + scene.rotations @ middle)
+    still = State.still(beta, eta, scene.rotations, scene.translations + scene.rotations @ middle)
+    return replace(still, weights=np.zeros((len(model.basis), 2)))
 
 
 def small_model(length_scale: float = 0.8, *, extended: bool = False) -> Model:
@@ -308,7 +308,7 @@ def test_poses_alone_leave_the_camera_alone(scene: Scene) -> None:
 def test_a_state_that_sees_nothing_is_no_start(scene: Scene) -> None:
     model, seen = small_model(), flattened(scene)
     true = truth(scene, model)
-    behind = State(true.weights, true.beta, true.eta, true.rotations, -true.translations)
+    behind = replace(true, translations=-true.translations)
     assert minimise(model, behind, seen, np.ones(len(true.globals)), Loss()) is None
 
 

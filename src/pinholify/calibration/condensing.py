@@ -9,7 +9,7 @@ k = 3, has no bias up to the third order, and noise that hardly depends on the n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -59,8 +59,7 @@ def condensed_view(view: Corners, board: Board, side: int) -> Corners:
     if 2 * good.sum() * side**2 < len(view):  # scattered over their lattice: blocks hold too few, so some are left out
         return view.select(np.arange(len(view)) % side**2 == 0)
     ids = np.arange(size(board)).reshape(board.rows, board.columns)[reach::side, reach::side]
-    return Corners(view.name, ids[good], uv[good], variance[good] ** -0.5, view.reason,
-                   view.orientation_assumed, view.ambiguous_offset)
+    return replace(view, ids=ids[good], uv=uv[good], weights=variance[good] ** -0.5)
 
 
 def foretold(view: Corners, board: Board, reach: int) -> tuple[Floats, Floats]:

@@ -64,7 +64,6 @@ class ObservedBoard:
     board: MappedBoard
     closed_form: Pose
     refined: Pose
-    refined_covariance: Floats
     projected: Floats
 
     @property
@@ -193,9 +192,9 @@ def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:
 def _locate(camera: VirtualCamera, board: MappedBoard, seen: Sighting, closed_form: Intrinsics) -> ObservedBoard:
     """The poses of a used board: in closed form as if it were flat, refined on the points that it was ``seen`` by."""
     closed = pose_from_homography(board.homography, closed_form)
-    refined, covariance = refine_pose(seen, closed, camera.chart)
+    refined, _ = refine_pose(seen, closed, camera.chart)
     projected = camera.intrinsics.project(refined.apply(seen.target))
-    return ObservedBoard(board, closed, refined, covariance, projected)
+    return ObservedBoard(board, closed, refined, projected)
 
 
 def estimate_pose(camera: VirtualCamera, seen: Sighting) -> tuple[Pose, Floats]:

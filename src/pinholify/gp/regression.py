@@ -149,13 +149,10 @@ def condition(kernel: Kernel, noise_std: float, observed: Data) -> GaussianProce
 def _solve(kernel: Kernel, noise_std: float, observed: Data, covariance: Floats) -> GaussianProcess:
     x, y, linear = observed.x, observed.y, observed.linear
     n, m = y.shape
-    p = len(linear.mean)
     noisy = covariance.copy()
     noisy[np.diag_indices(n)] += (noise_std * observed.relative_noise) ** 2
     cholesky: Floats = np.asarray(np.linalg.cholesky(noisy), dtype=np.float64)
     solved_targets = cho_solve((cholesky, True), y, check_finite=False).T
-    if not p:
-        return _plain(kernel, noise_std, observed, cholesky, solved_targets)
     solved_features = np.stack([cho_solve((cholesky, True), f, check_finite=False) for f in linear.features])
     precision = np.diag(linear.std**-2.0) + np.einsum("mnp,mnq->pq", linear.features, solved_features)
     right = linear.mean * linear.std**-2.0 + np.einsum("mnp,mn->p", linear.features, solved_targets)
@@ -177,25 +174,6 @@ def _solve(kernel: Kernel, noise_std: float, observed: Data, covariance: Floats)
         coefficients,
         precision_factor,
         solved_features,
-        observed.relative_noise,
-        float(likelihood),
-    )
-
-
-def _plain(kernel: Kernel, noise_std: float, observed: Data, cholesky: Floats, weights: Floats) -> GaussianProcess:
-    """The common case without a linear part, where nothing of it need be computed."""
-    n, m = observed.y.shape
-    misfit = float((observed.y.T * weights).sum())
-    likelihood = -0.5 * misfit - m * (np.log(np.diag(cholesky)).sum() + 0.5 * n * LOG_2PI)
-    return GaussianProcess(
-        kernel,
-        noise_std,
-        observed.x,
-        weights,
-        cholesky,
-        np.empty(0),
-        np.empty((0, 0)),
-        np.empty((m, n, 0)),
         observed.relative_noise,
         float(likelihood),
     )

@@ -9,7 +9,7 @@ solved in full.
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -133,12 +133,12 @@ def solve_trend(
     if beta is None:
         return None
     state = State(
-        np.zeros((0, 2)),
-        beta,
-        setting.shape.carried(known.state.eta, known.model.shape),
-        turn @ known.state.rotations,
-        known.state.translations @ turn.T,
-        known.state.motions @ turn.T,
+        weights=np.zeros((0, 2)),
+        beta=beta,
+        eta=setting.shape.carried(known.state.eta, known.model.shape),
+        rotations=turn @ known.state.rotations,
+        translations=known.state.translations @ turn.T,
+        motions=known.state.motions @ turn.T,
     )
     return minimise(model, state, seen, model.trend_precision(), Loss(), most_steps=most_steps, tolerance=tolerance)
 
@@ -157,7 +157,7 @@ def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen:
     """
     state, trend = solution.state, solution.model.trend
     widened = setting.model(trend, basis)
-    state = State(np.zeros((len(basis), 2)), state.beta, state.eta, state.rotations, state.translations, state.motions)
+    state = replace(state, weights=np.zeros((len(basis), 2)))
     linear = widened.linearise(state, seen, solution.prediction)
     equations = eliminate(linear, solution.prediction.residual, seen.weight**2, seen)
     return linearised(equations, seen.boards, state.globals, basis.frequencies, widened.trend_precision())

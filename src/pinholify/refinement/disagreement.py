@@ -28,10 +28,9 @@ def disagreement(settled: Settled, seen: Observations, plane_map: JointMap) -> f
     """
     state, solution = settled.solution.state, settled.solution
     noise = settled.hyperparameters.noise
-    matrix = settled.equations.matrix + np.diag(settled.precision * noise**2)
     linear = settled.model.linearise(state, seen, solution.prediction)
-    rays = _rays(plane_map, seen, len(matrix))
-    moved = _moved(linear, cho_solve(cho_factor(matrix), rays.T))
+    rays = _rays(plane_map, seen, len(settled.precision))
+    moved = _moved(linear, cho_solve(cho_factor(settled.information), rays.T))
     pulls, spreads = [], []
     for rows in seen.slices():
         weight = np.repeat(seen.weight[rows], 2)[:, None]

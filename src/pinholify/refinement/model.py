@@ -35,11 +35,12 @@ class State:
     eta: Floats
     rotations: Floats
     translations: Floats
-    motions: Floats = None  # type: ignore[assignment]  # all still; an array once made
+    motions: Floats
 
-    def __post_init__(self) -> None:
-        if self.motions is None:
-            object.__setattr__(self, "motions", np.zeros_like(self.translations))
+    @classmethod
+    def still(cls, beta: Floats, eta: Floats, rotations: Floats, translations: Floats) -> State:
+        """A state without process, whose boards do not move."""
+        return cls(np.zeros((0, 2)), beta, eta, rotations, translations, np.zeros_like(translations))
 
     @property
     def globals(self) -> Floats:

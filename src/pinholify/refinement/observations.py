@@ -90,16 +90,17 @@ class Observations:
         """The corners where ``keep`` (N,) is true; boards left without any vanish."""
         kept, starts, view = np.unique(self.view[keep], return_index=True, return_inverse=True)
         names = tuple(self.names[k] for k in kept)
-        return Observations(
-            self.image[keep],
-            self.lattice[keep],
-            self.corner[keep],
-            self.placed[keep],
-            self.row[keep],
-            self.weight[keep],
-            view,
-            starts,
-            names,
+        return replace(
+            self,
+            image=self.image[keep],
+            lattice=self.lattice[keep],
+            corner=self.corner[keep],
+            placed=self.placed[keep],
+            row=self.row[keep],
+            weight=self.weight[keep],
+            view=view,
+            starts=starts,
+            names=names,
         )
 
     def weighted(self, factors: Floats) -> Observations:

@@ -11,11 +11,14 @@ from scipy.linalg import solve_triangular
 from pinholify.arrays import Bools, Floats
 from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import AngleChart, Intrinsics
+from pinholify.corners import Corners
 from pinholify.geometry import Pose, convex_hull
 from pinholify.refinement.maps import POSE, JointMap
 from pinholify.refinement.observations import ImageFrame, Observations
+from pinholify.refinement.outliers import LIMIT
 from pinholify.refinement.settle import Settled
 from pinholify.refinement.shape import BEND, STRETCH, WARP
+from pinholify.refinement.solver import lengths
 
 ENOUGH_TO_TURN = 1000  # corners to fit three angles to
 DOMAIN_STD = 5.0  # standard deviations of a corner (as boards disagree by), beyond which the map is not believed
@@ -77,6 +80,17 @@ class JointResult:
     disagreement: float = 1.0
     motion_px: float = 0.0
     too_few: bool = False
+
+    def inliers_of(self, view: Corners, solved: Corners, points: Floats) -> Bools:
+        """Which corners (n,) of ``view`` agree with the camera, where ``solved`` stood for it in the solve.
+
+        Corners that were condensed into others are judged by the limit that held for those; ``points`` (corners, 3) are
+        the board's by id.
+        """
+        if solved is view:
+            return self.inliers[view.name]
+        projected = self.camera.project(self.poses[view.name].apply(points[view.ids]))
+        return lengths(projected - view.uv, view.weights) <= LIMIT * self.board_noise_px[view.name]
 
     @property
     def intrinsics_std(self) -> Floats:

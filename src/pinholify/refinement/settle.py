@@ -46,6 +46,11 @@ class Settled:
     log_evidence: float
     precision: Floats
 
+    @property
+    def information(self) -> Floats:
+        """The posterior's information (D, D) about the globals, times the squared noise."""
+        return self.equations.matrix + np.diag(self.precision * self.hyperparameters.noise**2)
+
 
 def best_shape(setting: Setting, candidate: Candidate) -> tuple[BoardShape, Candidate]:
     """The shape of the board that the candidate's evidence prefers, flat and square unless another is worth it; and

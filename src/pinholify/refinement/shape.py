@@ -8,7 +8,7 @@ and z, whatever form they have. Constants, turns and tilts are poses, the scale 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, product
 
 import numpy as np
@@ -42,7 +42,13 @@ class BoardShape:
     def of(self, *parts: str) -> BoardShape:
         """The family within this one that has these ``parts`` alone."""
         keep = np.isin(self.part, parts)
-        return BoardShape(self.flat, self.functions[:, keep], self.axis[keep], self.part[keep], self.prior_std[keep])
+        return replace(
+            self,
+            functions=self.functions[:, keep],
+            axis=self.axis[keep],
+            part=self.part[keep],
+            prior_std=self.prior_std[keep],
+        )
 
     def has(self, part: str) -> bool:
         """Whether ``part`` is free."""

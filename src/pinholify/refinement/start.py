@@ -269,7 +269,7 @@ def _solve_from(model: Model, lens: Lens, seen: Observations) -> Solution | None
     if beta is None:
         return None
     eta = np.zeros(len(model.shape.prior_std))
-    state = State(np.zeros((0, 2)), beta, eta, rotations[good], translations[good])
+    state = State.still(beta, eta, rotations[good], translations[good])
     return minimise(model, state, some, model.trend_precision(), ROBUST, most_steps=STEPS)
 
 

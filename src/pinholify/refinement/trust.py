@@ -8,6 +8,7 @@ boards themselves tell (empirical Bayes); where chance explains how they differ,
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from pinholify.arrays import Floats
 from pinholify.refinement.model import POSE
@@ -64,14 +65,14 @@ def _hierarchy(log_variance: Floats, chance: Floats) -> tuple[float, float]:
 
 def _freedom(settled: Settled, seen: Observations) -> Floats:
     """How many residuals of each board (K,) are left beyond its own pose and its share in the other unknowns."""
-    noise, equations, weight = settled.hyperparameters.noise, settled.equations, seen.weight[:, None, None]
+    weight = seen.weight[:, None, None]
     linear = settled.model.linearise(settled.solution.state, seen, settled.solution.prediction)
-    matrix = equations.matrix + np.diag(settled.precision * noise**2)
-    root = np.linalg.inv(np.linalg.cholesky(matrix)).T
+    cholesky = np.linalg.cholesky(settled.information)
+    root = solve_triangular(cholesky, np.eye(len(cholesky)), lower=True, check_finite=False).T
     m = linear.basis.shape[1]
     moved = weight * (linear.shared @ root[2 * m :])
     moved[:, 0] += weight[:, 0] * (linear.basis @ root[:m])
     moved[:, 1] += weight[:, 0] * (linear.basis @ root[m : 2 * m])
-    by_pose = equations.cross @ root
+    by_pose = settled.equations.cross @ root
     own = seen.sums((moved**2).sum(axis=(1, 2))) - (by_pose**2).sum(axis=(1, 2))
     return np.asarray(2.0 * seen.sums(np.ones(len(seen.view))) - POSE - own)
