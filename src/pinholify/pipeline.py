@@ -11,8 +11,10 @@ import numpy as np
 from pinholify.arrays import Floats
 from pinholify.calibration.circles import local_centres, needs_centres, true_centres
 from pinholify.calibration.condensing import condensed
+from pinholify.calibration.intrinsics import check_determined
 from pinholify.calibration.numbering import check_most_count_alike, numbered_alike
-from pinholify.calibration.one_image import calibrate_one_image, check_determined, reference_views
+from pinholify.calibration.one_image import calibrate_one_image
+from pinholify.calibration.reference import reference_views
 from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera, virtual
 from pinholify.corners import CornerSet

@@ -8,7 +8,7 @@ import pytest
 
 from pinholify import calibrate
 from pinholify.board import Checkerboard
-from pinholify.calibration.one_image import reference_views
+from pinholify.calibration.reference import reference_views
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement import joint, refine

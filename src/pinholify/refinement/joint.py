@@ -87,6 +87,27 @@ def refine(
     )
     first, fits = first_solution(setting, everything.thinned(), given)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
+    finalists, seen, cleaned = _extended(setting, stages, first, everything, trend, say)
+    for candidate in finalists:
+        say(f"trend {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
+    used = [view for view in views if view.name in cleaned.seen.names]
+    reference = _used_reference((reference, *stand_ins), used, {**unusable, **cleaned.misfits})
+    settled = cleaned.settled
+    say(f"noise {settled.hyperparameters.noise * frame.scale:.4g} px with trend {settled.model.trend.name}")
+    evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in finalists)
+    result = _result(corner_set, cleaned, frame, reference, kernel, evidences, unusable)
+    return result if given is None else replace(result, start_fits=fits)
+
+
+def _extended(
+    setting: Setting,
+    stages: Sequence[Sequence[Search]],
+    first: Solution,
+    everything: Observations,
+    trend: str,
+    say: Progress,
+) -> tuple[list[Candidate], Observations, Cleaned]:
+    """The finalists, the corners that chose among them, and the finished solve, its model extended where that asks."""
     seen, known = screen(first, everything)
     finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
     for extension in range(EXTENSIONS):
@@ -97,15 +118,7 @@ def refine(
         moving = richer.motion and not setting.motion  # what looked like boards' noise may be their motion
         setting, seen, known = richer, cleaned.seen, cleaned.settled.solution
         finalists, cleaned = _refined(setting, stages, known, seen, everything if moving else cleaned.everything, trend)
-    for candidate in finalists:
-        say(f"trend {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
-    used = [view for view in views if view.name in cleaned.seen.names]
-    reference = _used_reference((reference, *stand_ins), used, {**unusable, **cleaned.misfits})
-    settled = cleaned.settled
-    say(f"noise {settled.hyperparameters.noise * frame.scale:.4g} px with trend {settled.model.trend.name}")
-    evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in finalists)
-    result = _result(corner_set, cleaned, frame, reference, kernel, evidences, unusable)
-    return result if given is None else replace(result, start_fits=fits)
+    return finalists, seen, cleaned
 
 
 def _refined(
