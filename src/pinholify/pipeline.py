@@ -16,6 +16,7 @@ from pinholify.calibration.numbering import check_most_count_alike, numbered_ali
 from pinholify.calibration.one_image import calibrate_one_image
 from pinholify.calibration.reference import reference_views
 from pinholify.calibration.result import Calibration
+from pinholify.calibration.turning import turned_alike
 from pinholify.camera import VirtualCamera, virtual
 from pinholify.corners import CornerSet
 from pinholify.errors import CalibrationError, InputError
@@ -27,9 +28,11 @@ FEWEST_FOR_JOINT = 4
 MOST_FOR_JOINT = 12_000  # corners of all boards; denser ones are condensed, not to take minutes
 SPARSE = 400  # corners of a board that are never too many: condensed, little would be left of each
 
+TURNINGS = 8  # boards turned alike make a sharper shape, which may turn more of them; five rounds were enough so far
 CENTRINGS = 2  # the first camera, from centroids, errs by a little of what it corrects
 
 Progress = Callable[[str], None]
+Make = Callable[[CornerSet], Calibration]
 
 
 def calibrate(
@@ -69,11 +72,33 @@ def calibrate(
         square_mm=square_mm,
         progress=progress,
     )
-    circles = needs_centres(corner_set)
-    calibration = make(local_centres(corner_set) if circles else corner_set)
-    for _ in range(CENTRINGS if circles else 0):
+    calibration, turned = _turned(make, corner_set, progress)
+    return replace(calibration, details={**calibration.details, "renumbered_boards": {**renumbered, **turned}})
+
+
+def _turned(make: Make, corner_set: CornerSet, progress: Progress | None) -> tuple[Calibration, dict[str, str]]:
+    """What ``make`` finds once boards that were held the other way up are numbered alike, and notes on these."""
+    turned: dict[str, str] = {}
+    calibration = _centred(make, corner_set)
+    for _ in range(TURNINGS):
+        corner_set, notes = turned_alike(calibration, corner_set, keep=calibration.reference)
+        if not notes:
+            break
+        if progress is not None:
+            progress(f"boards that fit the board's shape better after half a turn: {len(notes)}; solving again")
+        turned = {name: notes.get(name) or turned[name] for name in turned.keys() ^ notes.keys()}
+        calibration = _centred(make, corner_set)
+    return calibration, turned
+
+
+def _centred(make: Make, corner_set: CornerSet) -> Calibration:
+    """What ``make`` finds from ``corner_set``, from the middles of its discs if its board has any."""
+    if not needs_centres(corner_set):
+        return make(corner_set)
+    calibration = make(local_centres(corner_set))
+    for _ in range(CENTRINGS):
         calibration = make(true_centres(corner_set, calibration.camera))
-    return replace(calibration, details={**calibration.details, "renumbered_boards": dict(renumbered)})
+    return calibration
 
 
 def _calibrate(

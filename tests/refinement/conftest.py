@@ -81,13 +81,14 @@ def make_scene(
     tilt: float = 35.0,
     warp: Floats | None = None,
     motion: float = 0.0,
+    board: Checkerboard = BOARD,
 ) -> Scene:
     """``warp`` (corners, 3) shifts the board's corners; by ``motion`` (radians, std an axis) each board turns about the
     camera while as many rows are read as the image is high.
     """
     rng = np.random.default_rng(seed)
     project = PROJECTS[name]
-    points = np.column_stack([lattice(BOARD), np.zeros(BOARD.columns * BOARD.rows)])
+    points = np.column_stack([lattice(board), np.zeros(board.columns * board.rows)])
     middle = points.mean(axis=0)
     xi = (points - middle)[:, :2] / middle[:2]
     shaped = points + np.column_stack(
@@ -110,7 +111,7 @@ def make_scene(
         corners.append(Corners(f"view{len(corners):02d}", np.arange(len(uv)), uv + rng.normal(0, noise, uv.shape)))
         rotations.append(rotation)
         translations.append(translation)
-    return Scene(project, CornerSet(BOARD, SIZE, tuple(corners)), np.array(rotations), np.array(translations), noise)
+    return Scene(project, CornerSet(board, SIZE, tuple(corners)), np.array(rotations), np.array(translations), noise)
 
 
 def rolled(project: Project, points: Floats, turn: Floats) -> Floats:
@@ -123,11 +124,11 @@ def rolled(project: Project, points: Floats, turn: Floats) -> Floats:
     return uv
 
 
-def cockled(size: float, seed: int = 0) -> Floats:
+def cockled(size: float, seed: int = 0, board: Checkerboard = BOARD) -> Floats:
     """Smooth shifts (corners, 3) of the board's corners, squares, of rms ``size`` along each axis; no plane, stretch or
     shear among them.
     """
-    at = lattice(BOARD)
+    at = lattice(board)
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, (3, 2))
     waves = np.stack([np.sin(at[:, 0] / 1.7 + a) * np.cos(at[:, 1] / 1.9 + b) for a, b in phases], axis=1)
     planes = np.column_stack([np.ones(len(at)), at])

@@ -9,9 +9,10 @@ import numpy as np
 
 from pinholify.arrays import Floats
 from pinholify.calibration.circles import centred
-from pinholify.calibration.numbering import numbered_alike
+from pinholify.calibration.numbering import Numbered, numbered_alike
 from pinholify.calibration.observation import MappedBoard, ObservedBoard, observe
 from pinholify.calibration.result import Calibration
+from pinholify.calibration.turning import turned_alike
 from pinholify.corners import CornerSet
 from pinholify.errors import CalibrationError, PinholifyError
 from pinholify.evaluation.baseline import MODELS, BoardPoints, fit_opencv
@@ -124,7 +125,7 @@ def evaluate(
 
     Corners that its fit found grossly wrong are left out for every method, in what trains and in what is scored.
     """
-    corner_set, notes = numbered_alike(corner_set, calibration.camera.mirrored)
+    corner_set, notes = _numbered(calibration, corner_set)
     corner_set = centred(corner_set, calibration)
     strange, wrong = unseen(calibration, corner_set), wrong_corners(calibration, corner_set)
     corner_set = wrong.left_out_of(corner_set)
@@ -163,6 +164,13 @@ def evaluate(
         opencv,
         wrong,
     )
+
+
+def _numbered(calibration: Calibration, corner_set: CornerSet) -> Numbered:
+    """``corner_set`` numbered as the boards of ``calibration`` are."""
+    alike, reversed_ones = numbered_alike(corner_set, calibration.camera.mirrored)
+    alike, turned = turned_alike(calibration, alike)
+    return Numbered(alike, {**reversed_ones, **turned})
 
 
 def unseen(calibration: Calibration, corner_set: CornerSet) -> bool:
