@@ -118,7 +118,7 @@ def test_without_photographs_the_page_says_so_and_draws_the_boards(bare_report):
     page = Page(render(bare_report, "html"))
     assert page.open == []
     assert not page.all("img")
-    assert any("photographs were not at hand" in text for text in page.text)
+    assert any("photographs were not available" in text for text in page.text)
     assert len([a for a in page.all("figure") if a.get("id", "").startswith("photograph-")]) == 10
 
 
