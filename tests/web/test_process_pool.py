@@ -44,7 +44,7 @@ async def trial(pool):
         await pool.run(refuse)
     with pytest.raises(WorkerError, match="an internal error occurred"):
         await pool.run(fail)
-    with pytest.raises(WorkerError, match="ended before it was done"):
+    with pytest.raises(WorkerError, match="ended before the work was done"):
         await pool.run(die)
     assert await pool.run(count, 1, on_message=messages.append) == 1
     await cancelled(pool)
