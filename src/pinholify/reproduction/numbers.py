@@ -1,4 +1,4 @@
-"""All numbers of a reproduction as one JSON-able object."""
+"""All numbers of a reproduction as one JSON-serialisable object."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pinholify.reproduction.tables import reported
 
 
 def all_numbers(results: Sequence[Reproduced], *, quick: bool, seconds: float) -> dict[str, Any]:
-    """Everything measured, by data set, and what it says of the paper's claims."""
+    """All measures by data set, and the findings on the paper's claims."""
     return {
         "format_version": 1,
         "version": __version__,
