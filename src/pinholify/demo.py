@@ -144,7 +144,7 @@ def _in_colour(image: Image) -> Image:
 
 
 def side_by_side(before: Image, after: Image, before_text: str, after_text: str) -> Image:
-    """Two pictures of one height beside each other under their captions."""
+    """Two pictures side by side at the height of ``before``, with captions."""
     height = before.shape[0]
     after = cv2.resize(after, (round(after.shape[1] * height / after.shape[0]), height), interpolation=cv2.INTER_AREA)
     parts = [_captioned(_in_colour(p), t) for p, t in ((before, before_text), (after, after_text))]

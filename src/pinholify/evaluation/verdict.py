@@ -222,7 +222,7 @@ def _level(
             "the boards disagree, through motion or an uneven board: a few more photographs would show which"
         )
     if suspicious:
-        reasons.append(f"boards that look wrong: {', '.join(s.name for s in suspicious[:3])}")
+        reasons.append(f"suspicious boards: {', '.join(s.name for s in suspicious[:3])}")
     if evaluation.wrong.crowded:
         reasons.append(f"boards with too many wrong corners: {', '.join(evaluation.wrong.crowded[:3])}")
     if alike:

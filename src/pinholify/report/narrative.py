@@ -57,8 +57,9 @@ def subtitle(report: Report) -> str:
 def facts(report: Report) -> tuple[tuple[str, str, str], ...]:
     """The main numbers: label, value and meaning of each."""
     overview = report.overview
+    alone = f"RMS per point; noise{_and_motion(report)} alone would leave {px(overview.floor_px)}"
     heldout = (
-        ("Held-out error", px(overview.heldout_px), f"RMS per point; noise alone would leave {px(overview.floor_px)}")
+        ("Held-out error", px(overview.heldout_px), alone)
         if overview.heldout_px is not None
         else ("In-sample error", px(overview.insample_px), "RMS per point, on the photographs of the calibration")
     )
@@ -295,7 +296,7 @@ def _straightness(report: Report) -> Section:
 def _scene(report: Report) -> Section:
     scene = report.scene
     text = "The boards in their poses in front of the camera."
-    caption = "Good boards stand at several distances and are tilted in all directions."
+    caption = "Good boards stand at several distances, tilted in all directions."
     if scene.pinholeness is None:
         return Section("scene", "Boards and lines of sight", (text,), caption=caption)
     lines = (
@@ -312,7 +313,8 @@ def _comparison(report: Report) -> Section:
     text = (
         "OpenCV's lens models fitted to the same corners. Compare the held-out errors, those on photographs that were "
         "left out of the fit, with only the poses of their boards fitted. The in-sample error flatters every model, "
-        f"the more so the more parameters it has. Corner noise alone would leave {px(report.overview.floor_px)}."
+        f"the more so the more parameters it has. Corner noise{_and_motion(report)} alone would leave "
+        f"{px(report.overview.floor_px)}."
     )
     ours = (number(v, 3) for v in (compared.heldout_px, compared.insample_px, compared.re_percent))
     rows = [(f"pinholify, {compared.method}", *ours)]
@@ -330,7 +332,10 @@ def _comparison(report: Report) -> Section:
     folds = (
         (f"The held-out error over five folds is {px(compared.kfold_px)}.",) if compared.kfold_px is not None else ()
     )
-    caption = "Bars: held-out errors; dots: in-sample errors; thin line: what corner noise alone would leave."
+    caption = (
+        "Bars: held-out errors; dots: in-sample errors; thin line: what corner "
+        f"noise{_and_motion(report)} alone would leave."
+    )
     shown = caption if compared.heldout_px is not None and compared.models else ""
     return Section("comparison", "Comparison with OpenCV", (text, *shapes, *none, *folds), (table,), shown)
 

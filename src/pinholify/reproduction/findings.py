@@ -52,8 +52,8 @@ def collinearity(results: Sequence[Reproduced]) -> Finding | None:
 
 
 def _ce(result: Reproduced) -> float | None:
-    said = reported(result)
-    return None if said is None else said.ce
+    theirs = reported(result)
+    return None if theirs is None else theirs.ce
 
 
 def difficulty(results: Sequence[Reproduced]) -> Finding | None:
@@ -99,14 +99,14 @@ def held_out(results: Sequence[Reproduced]) -> list[Finding]:
     found = []
     for r in results:
         ours, opencv = r.ours.evaluation.heldout_px, r.ours.evaluation.opencv["opencv5"].heldout_px
-        said, times = reported(r), ratio(opencv, ours)
-        if said is None or ours is None or opencv is None or times is None or r.dataset.name == "mirror":
+        theirs, times = reported(r), ratio(opencv, ours)
+        if theirs is None or ours is None or opencv is None or times is None or r.dataset.name == "mirror":
             continue
         numbers = f"{ours:.4f} px against OpenCV-5's {opencv:.4f} px"
         if r.dataset.name in OPENCV_EXACT:
             found.append(_against_exact_model(r, numbers, ours, opencv))
             continue
-        needed = said.matlab_re / said.re
+        needed = theirs.matlab_re / theirs.re
         found.append(
             Finding(
                 f"{r.dataset.title}: better than MATLAB by {needed:.1f} times",
@@ -136,22 +136,22 @@ def mirror(results: Sequence[Reproduced]) -> list[Finding]:
     """The claim that a camera at a curved mirror becomes a pinhole camera."""
     found = []
     for r in results:
-        said = reported(r)
-        if r.dataset.lens.central or said is None:
+        theirs = reported(r)
+        if r.dataset.lens.central or theirs is None:
             continue
         pooled, truth, exact = r.paper.evaluation.pooled, r.paper.truth, r.exact
         counted, seen = len(r.paper.evaluation.observed), len(r.corner_set.found)
         found.append(
             Finding(
-                f"{r.dataset.title}: a perfect pinhole camera (RE {said.re:.2f})",
-                pooled.re_percent <= CE_LIMIT * said.re,
+                f"{r.dataset.title}: a perfect pinhole camera (RE {theirs.re:.2f})",
+                pooled.re_percent <= CE_LIMIT * theirs.re,
                 f"RE is {pooled.re_percent:.2f} % in closed form and {pooled.re_refined_percent:.2f} % with refined "
-                f"poses over {counted} of {seen} boards; the paper has {said.re:.2f}. Neither noise nor the fit is the "
+                f"poses over {counted} of {seen} boards; the paper has {theirs.re:.2f}. Neither noise nor the fit is the "
                 f"cause: exact corners leave {exact.re_percent:.2f} and {exact.re_refined_percent:.2f} %, and on the "
                 f"plane of the reference board the error of the map is only {truth.map_px:.3f} px. The rays of a "
                 "camera that looks at a curved mirror do not pass through one point, so no map of its image makes it a "
                 "pinhole camera. CE hardly shows this: lines on other planes stay nearly straight "
-                f"({pooled.ce * 1e4:.2f}e-4 here, {said.ce * 1e4:.2f}e-4 in the paper), but no single K relates these "
+                f"({pooled.ce * 1e4:.2f}e-4 here, {theirs.ce * 1e4:.2f}e-4 in the paper), but no single K relates these "
                 "planes. With a flatter mirror RE falls (docs/paper.md). The paper's mirror, whose shape it does not "
                 "give, was probably far flatter than the one simulated here.",
             )

@@ -35,11 +35,11 @@ def data_sets(results: Sequence[Reproduced]) -> Table:
     """The paper's Table 1, with the boards that were rendered, found and counted."""
     rows = []
     for r in results:
-        said, views = reported(r), r.corner_set.views
+        theirs, views = reported(r), r.corner_set.views
         rows.append(
             (
                 r.dataset.title,
-                "–" if said is None else f"{said.boards} of {said.corners}, {_size(said.size)}",
+                "–" if theirs is None else f"{theirs.boards} of {theirs.corners}, {_size(theirs.size)}",
                 f"{len(views)} of {r.dataset.board.spec}, {_size(r.corner_set.image_size)}",
                 str(len(r.corner_set.found)),
                 str(len(r.paper.evaluation.observed)),
@@ -59,11 +59,11 @@ def errors(results: Sequence[Reproduced]) -> Table:
     """The paper's Table 2 and ours, with OpenCV's models instead of MATLAB's."""
     rows = []
     for r in results:
-        said, paper, ours = reported(r), r.paper.evaluation, r.ours.evaluation
+        theirs, paper, ours = reported(r), r.paper.evaluation, r.ours.evaluation
         rows.append(
             (
                 r.dataset.title,
-                *(("–",) * 3 if said is None else (f"{said.ce * 1e4:.3f}", f"{said.re:.4f}", f"{said.matlab_re:.4f}")),
+                *(("–",) * 3 if theirs is None else (f"{theirs.ce * 1e4:.3f}", f"{theirs.re:.4f}", f"{theirs.matlab_re:.4f}")),
                 *_gp_errors(paper),
                 *_gp_errors(ours),
                 number(ours.opencv["opencv5"].re_percent, 4),
@@ -101,7 +101,7 @@ def held_out(results: Sequence[Reproduced]) -> Table:
     """Errors on boards that no model was trained on, in px."""
     rows = []
     for r in results:
-        said, paper, ours = reported(r), r.paper.evaluation, r.ours.evaluation
+        theirs, paper, ours = reported(r), r.paper.evaluation, r.ours.evaluation
         rows.append(
             (
                 r.dataset.title,
@@ -110,7 +110,7 @@ def held_out(results: Sequence[Reproduced]) -> Table:
                 *(number(ours.opencv[model].heldout_px, 4) for model in ("opencv5", "opencv8", "fisheye")),
                 number(r.heldout_floor_px, 4),
                 number(ratio(ours.opencv["opencv5"].heldout_px, ours.heldout_px), 3),
-                "–" if said is None else number(said.matlab_re / said.re, 2),
+                "–" if theirs is None else number(theirs.matlab_re / theirs.re, 2),
             )
         )
     header = (

@@ -152,8 +152,8 @@ def _movement(view: Corners, previous: Corners) -> float:
 def _square_px(view: Corners) -> float:
     """Median distance in px of neighbouring corners."""
     order = np.argsort(view.ids)
-    beside = np.diff(view.ids[order]) == 1
-    steps = np.linalg.norm(np.diff(view.uv[order], axis=0), axis=1)[beside]
+    adjacent = np.diff(view.ids[order]) == 1
+    steps = np.linalg.norm(np.diff(view.uv[order], axis=0), axis=1)[adjacent]
     return float(np.median(steps)) if len(steps) else 0.0
 
 

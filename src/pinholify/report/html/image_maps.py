@@ -52,9 +52,9 @@ def certainty_map(report: Report) -> Markup:
     """Contours of the standard deviation, with their legend."""
     certainty = report.certainty
     layers = (outline(region, "layer", opacity=LAYER) for region in certainty.regions)
-    believed = outline(report.coverage.believed, "believed", stroke_width=report.image_size[0] / 240)
+    domain = outline(report.coverage.believed, "believed", stroke_width=report.image_size[0] / 240)
     label = f"Map of the standard deviation over the image: median {px(certainty.inside_px)} in the camera's domain"
-    return joined([_framed(drawing(report.image_size, *layers, believed, label=label)), _legend(certainty.levels)])
+    return joined([_framed(drawing(report.image_size, *layers, domain, label=label)), _legend(certainty.levels)])
 
 
 def _legend(levels: tuple[float, ...]) -> Markup:
