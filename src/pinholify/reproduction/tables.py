@@ -63,7 +63,9 @@ def errors(results: Sequence[Reproduced]) -> Table:
         rows.append(
             (
                 r.dataset.title,
-                *(("–",) * 3 if theirs is None else (f"{theirs.ce * 1e4:.3f}", f"{theirs.re:.4f}", f"{theirs.matlab_re:.4f}")),
+                number(None if theirs is None else theirs.ce * 1e4, 3),
+                number(None if theirs is None else theirs.re, 4),
+                number(None if theirs is None else theirs.matlab_re, 4),
                 *_gp_errors(paper),
                 *_gp_errors(ours),
                 number(ours.opencv["opencv5"].re_percent, 4),
