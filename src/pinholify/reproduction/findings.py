@@ -147,13 +147,13 @@ def mirror(results: Sequence[Reproduced]) -> list[Finding]:
                 pooled.re_percent <= CE_LIMIT * theirs.re,
                 f"RE is {pooled.re_percent:.2f} % in closed form and {pooled.re_refined_percent:.2f} % with refined "
                 f"poses over {counted} of {seen} boards; the paper has {theirs.re:.2f}. Neither noise nor the fit is "
-                f"the cause: exact corners leave {exact.re_percent:.2f} and {exact.re_refined_percent:.2f} %, and on the "
-                f"plane of the reference board the error of the map is only {truth.map_px:.3f} px. The rays of a "
+                f"the cause: exact corners leave {exact.re_percent:.2f} and {exact.re_refined_percent:.2f} %, and on "
+                f"the plane of the reference board the error of the map is only {truth.map_px:.3f} px. The rays of a "
                 "camera that looks at a curved mirror do not pass through one point, so no map of its image makes it a "
                 "pinhole camera. CE hardly shows this: lines on other planes stay nearly straight "
                 f"({pooled.ce * 1e4:.2f}e-4 here, {theirs.ce * 1e4:.2f}e-4 in the paper), but no single K relates "
-                "these planes. With a flatter mirror RE falls (docs/paper.md). The paper's mirror, whose shape it does not "
-                "give, was probably far flatter than the one simulated here.",
+                "these planes. With a flatter mirror RE falls (docs/paper.md). The paper's mirror, whose shape it does "
+                "not give, was probably far flatter than the one simulated here.",
             )
         )
     return found

@@ -79,7 +79,7 @@ class Calibrator:
         job.result()
         return path
 
-    # --- inside ---
+    # --- private ---
 
     async def _solve_while_requested(self, state: SessionState) -> None:
         while state.requested:

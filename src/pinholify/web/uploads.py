@@ -100,7 +100,7 @@ class Uploads:
         if photograph_ids:
             state.inspection_job = asyncio.create_task(self._inspect_all(session_id, photograph_ids))
 
-    # --- inside ---
+    # --- private ---
 
     async def _inspect(self, session_id: str, arrived: Path, name: str, previews: Path | None) -> Inspection:
         """Inspect a picture for the session's board, again if that has changed meanwhile."""
