@@ -91,7 +91,7 @@ def test_the_verdict_asks_after_the_board_and_is_not_taken_in_by_noise_that_is_n
     assert verdict.level == "poor"
     assert "px per axis, where 0.3 px or less is usual" in verdict.sentence
     assert "each corner of the board has the same error on every photograph, " in verdict.sentence
-    assert "is the board flat and accurately printed?" in verdict.sentence
+    assert "check that the board is flat and accurately printed" in verdict.sentence
 
 
 def test_a_board_bent_in_no_simple_bow_is_no_trouble_any_more():

@@ -33,7 +33,7 @@ STRUCTURED = 0.01  # p-value
 ALIKE = 1e-4  # p-value: wrong corners with a common error did not arise by chance but through a fault of the camera
 WRONG_RATIO = 2.0  # times the residuals of the other boards
 FINEST_PX = 0.03  # per point: corners cannot be located more finely even in perfect pictures, so less means nothing
-ROUGH = "blurred photographs, a board that is bent, or two cameras?"
+ROUGH = "(blurred photographs, a bent board, or two cameras?)"
 GRID = 64
 
 
@@ -214,7 +214,7 @@ def _level(
         alone = "noise and board motion" if motion(evaluation.calibration) > 0.0 else "noise"
         reasons.append(f"corner {alone} alone would leave {floor:.2f} px")
     if noise > ROUGH_PX:
-        reasons.append(f"corner noise is {noise:.2g} px per axis, where {USUAL_PX:g} px or less is usual: {ROUGH}")
+        reasons.append(f"corner noise is {noise:.2g} px per axis, where {USUAL_PX:g} px or less is usual {ROUGH}")
     if covered < ENOUGH_COVERAGE:
         reasons.append(f"boards cover only {100 * covered:.0f} % of the image")
     if evaluation.calibration.details.get("too_few_boards"):
@@ -243,7 +243,7 @@ def _remarks(evaluation: Evaluation, structure: Structure, shared: SharedError) 
     if shared.p_value < STRUCTURED and shared.rms_px > FINEST_PX:
         remarks.append(
             f"each corner of the board has the same error on every photograph, {shared.rms_px:.2g} px "
-            f"(p = {shared.p_value:.1g}): is the board flat and accurately printed?"
+            f"(p = {shared.p_value:.1g}): check that the board is flat and accurately printed"
         )
     moved = motion(evaluation.calibration)
     if np.sqrt(2.0) * moved > FINEST_PX:

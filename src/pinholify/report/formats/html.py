@@ -93,8 +93,7 @@ def _header(report: Report) -> Markup:
 
 def _sentence(clause: str) -> str:
     """``clause`` with a capital and a full stop."""
-    end = "" if clause.endswith("?") else "."
-    return f"{clause[:1].upper()}{clause[1:]}{end}"
+    return f"{clause[:1].upper()}{clause[1:]}."
 
 
 def _section(section: Section, report: Report) -> Markup:
