@@ -13,7 +13,6 @@ from pinholify.report.maps import Coverage
 from pinholify.report.numerals import angle, decimals, number, percent, px, round_down, scientific, with_std
 from pinholify.report.overview import Length
 
-
 MORE_THAN_NOISE = 1.5  # times
 DRAWN_RESIDUAL = 0.03  # length of a typical residual as drawn on photographs, as a fraction of the image's width
 
