@@ -206,7 +206,7 @@ def _coverage(report: Report) -> Section:
     advised = report.overview.advice is not None
     advice = (f"One more photograph would help most with the board {report.overview.advice}.",) * advised
     caption = (
-        "Areas of the boards, darker where more boards were seen. Solid outline: the domain"
+        "Areas of the boards, in stronger colour where more boards were seen. Solid outline: the domain"
         f"{'; dashed outline: where the next board would help most' if advised else ''}. With good coverage the domain "
         "reaches into all four corners of the image."
     )
@@ -231,7 +231,7 @@ def _certainty(report: Report) -> Section:
         f"{px(certainty.inside_px)} in the camera's domain and {px(certainty.image_px)} over the whole image."
     )
     caption = (
-        "The darker the colour, the larger the standard deviation. It grows where no board was seen, and should stay "
+        "The stronger the colour, the larger the standard deviation. It grows where no board was seen, and should stay "
         "well below the error that your application tolerates."
     )
     return Section("certainty", "Uncertainty of the map", (text,), caption=caption)
