@@ -29,7 +29,7 @@ def test_a_board_has_as_many_lines_as_rows_and_columns():
 
 def test_the_feet_of_points_lie_on_their_line():
     feet = np.array([[0.0, 0.0], [1.0, 2.0], [2.0, 4.0], [3.0, 6.0]])
-    points = feet + [[0.2, -0.1], [-0.2, 0.1], [-0.2, 0.1], [0.2, -0.1]]
+    points = feet + np.array([[0.2, -0.1], [-0.2, 0.1], [-0.2, 0.1], [0.2, -0.1]])
     np.testing.assert_allclose(line_feet(points), feet, atol=1e-12)
 
 
