@@ -22,7 +22,7 @@ from pinholify.detection import detect_files
 from pinholify.io.images import image_paths
 from pinholify.pipeline import calibrate
 from pinholify.web.limits import Limits
-from pinholify.web.looking import look
+from pinholify.web.inspection import inspect_file
 
 CHOOSING = 6.0  # seconds that a person takes to choose photographs, while the app's processes start
 MOMENTS = {
@@ -54,7 +54,7 @@ def moments(files: list[Path]) -> dict[str, float]:
 def main() -> None:
     """Print both."""
     files = image_paths(sys.argv[1:])
-    board = next(filter(None, (look(print, path, path.name, None, False, 10**9, None).board for path in files)))
+    board = next(filter(None, (inspect_file(path, path.name, None, False, 10**9, None).board for path in files)))
     start = time.perf_counter()
     corners = detect_files(files, board)
     found = time.perf_counter()

@@ -1,4 +1,4 @@
-"""The demo: a warped scene of our own making, calibrated from its photographs and straightened, with pictures."""
+"""The demo: a rendered scene with strong distortion, calibrated from its photographs and straightened."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pinholify.calibration.observation import ObservedBoard
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
 from pinholify.detection import detect_files
-from pinholify.evaluation.measures import board_lines
+from pinholify.evaluation.measures import board_lines, line_feet
 from pinholify.evaluation.summary import Evaluation, evaluate
 from pinholify.evaluation.verdict import Verdict, judge
 from pinholify.io.camera_file import write_camera
@@ -26,32 +26,33 @@ from pinholify.io.images import read_image, write_image
 from pinholify.pipeline import calibrate
 from pinholify.rectification.maps import Image
 from pinholify.rectification.straightener import Straightener
+from pinholify.report.evaluated import recalibrator
 from pinholify.simulation.demo import DEMO, street
 
-SHOWN_STD = 1.0  # px; what the camera knows worse than this is left black
+SHOWN_STD = 1.0  # px; pixels with a larger standard deviation are left black
 ABOUT = "ABOUT.txt"
-"""Written first: marks the folder as a demo's, and says what is in it."""
+"""A description of the folder's contents; written first, it marks the folder as the demo's."""
 
-ABOUT_TEXT = f"""What 'pinholify demo' made, all of it rendered and none of it photographed. Lens: {DEMO.title.lower()}.
+ABOUT_TEXT = f"""Written by 'pinholify demo'. All photographs are rendered. Lens: {DEMO.title.lower()}.
 
-before-after.jpg    a street as photographed, and straight
+before-after.jpg    a street as photographed, and straightened
 board.jpg           the reference board with its corners, and in the virtual plane
 collinearity.jpg    all boards in the virtual plane, where rows and columns are straight lines
 photographs/        the photographs of the board
 street.jpg          the street as photographed
-street-straight.png the street straight; black where the camera does not know enough
-corners.vnl         the corners found
+street-straight.png the street straightened; black where the camera is not known well enough
+corners.vnl         the detected corners
 camera.npz          the camera; try: pinholify undistort camera.npz street.jpg -o straight/
-numbers.json        how good it is
+numbers.json        its errors
 """
 
 RED, GREEN = (60, 60, 230), (80, 190, 60)
-COLOURS = ((60, 60, 230), (200, 110, 30), (70, 170, 50), (20, 150, 230))  # one a board
+COLOURS = ((60, 60, 230), (200, 110, 30), (70, 170, 50), (20, 150, 230))  # one per board
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Demo:
-    """What the demo made: ``folder``, ``evaluation``, ``verdict``, and the largest error of f, uc, vc in squares."""
+    """The result of the demo; ``intrinsics_error`` is the largest error of f, uc, vc in squares."""
 
     folder: Path
     evaluation: Evaluation
@@ -60,7 +61,7 @@ class Demo:
 
 
 def run_demo(folder: Path, step: Callable[[str], object] = lambda _: None) -> Demo:
-    """Render, detect, calibrate, evaluate and straighten into ``folder``; ``step`` hears what is being done.
+    """Render, detect, calibrate, evaluate and straighten into ``folder``; ``step`` is called with each step's name.
 
     Raises OutputError where the folder cannot be written.
     """
@@ -80,10 +81,8 @@ def run_demo(folder: Path, step: Callable[[str], object] = lambda _: None) -> De
     step("Calibrating")
     calibration = calibrate(corners, reference=corners.views[0].name)
     write_camera(folder / "camera.npz", calibration)
-    step("Scoring it, and OpenCV's models on the same corners")
-    evaluation = evaluate(
-        calibration, corners, recalibrate=lambda part, name: calibrate(part, reference=name, method=calibration.method)
-    )
+    step("Scoring it and OpenCV's models on the same corners")
+    evaluation = evaluate(calibration, corners, recalibrate=recalibrator(calibration))
     step("Straightening")
     _write_pictures(folder, photographs, scene, calibration, evaluation)
     error = _intrinsics_error(calibration)
@@ -145,7 +144,7 @@ def _in_colour(image: Image) -> Image:
 
 
 def side_by_side(before: Image, after: Image, before_text: str, after_text: str) -> Image:
-    """Two pictures of one height beside each other under their captions."""
+    """Two pictures side by side at the height of ``before``, with captions."""
     height = before.shape[0]
     after = cv2.resize(after, (round(after.shape[1] * height / after.shape[0]), height), interpolation=cv2.INTER_AREA)
     parts = [_captioned(_in_colour(p), t) for p, t in ((before, before_text), (after, after_text))]
@@ -159,7 +158,7 @@ def _captioned(picture: Image, text: str) -> Image:
 
 
 def draw_lattice(image: Image, corners: CornerSet, name: str) -> Image:
-    """``image`` with the corners of the view called ``name`` and the lattice lines between them."""
+    """``image`` with the corners of the view called ``name`` and the lines of their lattice."""
     view = next(v for v in corners.views if v.name == name)
     drawn = np.array(_in_colour(image))
     for line in board_lines(view.lattice(corners.board), view.uv):
@@ -175,7 +174,7 @@ def _polyline(image: NDArray[Any], points: NDArray[np.float64], colour: tuple[in
 
 
 def _collinearity_picture(evaluation: Evaluation, most: tuple[int, int] = (1280, 960)) -> Image:
-    """The first few boards in the virtual plane: points, and the lines fitted to rows and columns."""
+    """The first few boards in the virtual plane, with the lines fitted to their rows and columns."""
     boards = list(evaluation.observed.values())[: len(COLOURS)]
     points = np.concatenate([o.board.xy for o in boards])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -196,9 +195,6 @@ def _draw_board_lines(
     place: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> None:
     for line in board_lines(observed.board.lattice, place(observed.board.xy)):
-        centre = line.mean(axis=0)
-        direction = np.linalg.svd(line - centre, full_matrices=False)[2][0]
-        ends = centre + np.outer((line[[0, -1]] - centre) @ direction, direction)
-        _polyline(picture, ends, (200, 200, 200), 1)
+        _polyline(picture, line_feet(line)[[0, -1]], (200, 200, 200), 1)
     for x, y in place(observed.board.xy):
         cv2.circle(picture, (round(x * 16), round(y * 16)), 56, colour, -1, cv2.LINE_AA, shift=4)

@@ -127,7 +127,7 @@ def test_a_run_that_is_stopped_goes_on(straightener, pictures, tmp_path, where, 
     # One that a worker is still at when the run is stopped is hidden, until it is renamed into its place.
     done = {path: path.stat().st_ino for path in Path(out).glob("[!.]*")}
     assert 4 <= len(done) <= len(pictures)
-    with pytest.raises(OutputError, match="say --resume"):
+    with pytest.raises(OutputError, match="use --resume"):
         straighten_images(straightener, pictures, out, **options)
     report = straighten_images(straightener, pictures, out, resume=True, **options)
     assert len(report.finished) >= len(done)

@@ -387,7 +387,7 @@ def test_undistort_goes_on_where_it_was_stopped(run, camera, photographs):
     gone.unlink()
     again = run("undistort", camera, photographs, "-o", "out")
     assert (again.status, again.out) == (1, "")
-    assert "say --resume to do only the rest" in again.err
+    assert "use --resume to do only the rest" in again.err
     result = run("undistort", camera, photographs, "-o", "out", "--resume")
     assert (result.status, result.out) == (0, "wrote 1 image into out; 6 were there already\n")
     assert {path: path.stat().st_mtime_ns for path in made if path != gone} == {

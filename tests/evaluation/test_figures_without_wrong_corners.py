@@ -154,7 +154,7 @@ def test_a_fault_of_the_camera_does_not_pass_for_wrong_corners(honest):
     assert evaluation.wrong.count > 20
     assert verdict.left_out.p_value < 1e-4
     assert verdict.level == "poor"
-    assert "err alike" in verdict.sentence
+    assert "the wrong corners share a common error" in verdict.sentence
 
 
 def test_chance_errors_are_not_alike(evaluation, spoilt):

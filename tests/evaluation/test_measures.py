@@ -6,7 +6,14 @@ import pytest
 from pinholify.board import Checkerboard, lattice
 from pinholify.evaluation.baseline import BoardPoints, fit_opencv
 from pinholify.evaluation.heldout import alternating_split, by_size
-from pinholify.evaluation.measures import board_lines, collinearity_errors, mean_spacing, pinhole_lines
+from pinholify.evaluation.measures import (
+    board_lines,
+    collinearity_errors,
+    line_feet,
+    mean_spacing,
+    pinhole_lines,
+    plane_crossings,
+)
 from pinholify.evaluation.summary import evaluate
 from pinholify.pipeline import calibrate
 from synthetic import corner_set
@@ -18,6 +25,17 @@ def test_a_board_has_as_many_lines_as_rows_and_columns():
     assert [len(line) for line in board_lines(LATTICE, LATTICE)] == [15] * 9 + [9] * 15
     seen = LATTICE[(LATTICE[:, 0] < 2) | (LATTICE[:, 1] < 1)]
     assert sorted(len(line) for line in board_lines(seen, seen)) == [9, 9, 15]
+
+
+def test_the_feet_of_points_lie_on_their_line():
+    feet = np.array([[0.0, 0.0], [1.0, 2.0], [2.0, 4.0], [3.0, 6.0]])
+    points = feet + np.array([[0.2, -0.1], [-0.2, 0.1], [-0.2, 0.1], [0.2, -0.1]])
+    np.testing.assert_allclose(line_feet(points), feet, atol=1e-12)
+
+
+def test_lines_cross_the_plane_of_the_origin():
+    anchors, directions = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 5.0]]), np.array([[1.0, 0.0, 1.0], [0.0, 0.0, -2.0]])
+    np.testing.assert_allclose(plane_crossings(anchors, directions), [[-2.0, 2.0, 0.0], [0.0, 0.0, 0.0]])
 
 
 def test_collinearity_of_one_point_off_its_line():

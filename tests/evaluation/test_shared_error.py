@@ -89,9 +89,9 @@ def test_the_verdict_asks_after_the_board_and_is_not_taken_in_by_noise_that_is_n
     )
     verdict = judge(evaluation, corners)
     assert verdict.level == "poor"
-    assert "px, 0.3 or less is usual" in verdict.sentence
-    assert "the corners are off alike on every board, by " in verdict.sentence
-    assert "is the board flat and printed true?" in verdict.sentence
+    assert "px per axis, where 0.3 px or less is usual" in verdict.sentence
+    assert "each corner of the board has the same error on every photograph, " in verdict.sentence
+    assert "check that the board is flat and accurately printed" in verdict.sentence
 
 
 def test_a_board_bent_in_no_simple_bow_is_no_trouble_any_more():
@@ -110,7 +110,7 @@ def test_errors_finer_than_corners_are_found_are_not_asked_after(unwarped):
     corners = photographed(0.0005 * S_BEND, noise=0.002)
     verdict = judge(scored(corners), corners)
     assert verdict.shared.p_value < 0.01
-    assert "off alike" not in verdict.sentence
+    assert "same error" not in verdict.sentence
 
 
 def test_the_verdict_counts_what_boards_moved_and_says_so():
@@ -124,6 +124,6 @@ def test_the_verdict_counts_what_boards_moved_and_says_so():
     for corners, said in ((still, False), (moved, True)):
         calibration = calibrate(corners, reference="view0.png", method="joint")
         verdict = judge(evaluate(calibration, corners, compare_opencv=False), corners)
-        assert ("while the shutter rolled" in verdict.sentence) == said
+        assert ("during the rolling shutter" in verdict.sentence) == said
         assert (calibration.details["motion_px"] > 0.1) == said
         assert "noise alone" not in verdict.sentence

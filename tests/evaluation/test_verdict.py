@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pinholify.calibration.observation import map_board
-from pinholify.evaluation.summary import NOT_ASKED, evaluate
-from pinholify.evaluation.verdict import coverage, judge, noise_floor, place
+from pinholify.evaluation.summary import NOT_REQUESTED, evaluate
+from pinholify.evaluation.verdict import cell_centres, coverage, judge, noise_floor, place
 from pinholify.geometry import Pose
 from pinholify.pipeline import calibrate
 from pinholify.refinement.diagnosis import NextBoard
@@ -62,23 +62,23 @@ def test_errors_finer_than_corners_are_found_say_nothing():
     ]
     verdict = judged(calibrate(corners, reference="view0.png", method="joint"), corners.with_views(shaken))
     assert verdict.suspicious == ()
-    assert "look wrong" not in verdict.sentence
+    assert "suspicious" not in verdict.sentence
     assert "noise alone" not in verdict.sentence
 
 
 def test_where_no_held_out_error_is_asked_for_the_error_in_sample_counts(barrel_calibration):
     other = corner_set(squeeze=0.15, noise=2.0, seed=3)
     evaluation = evaluate(barrel_calibration, other, compare_opencv=False)
-    unasked = dataclasses.replace(evaluation, heldout_px=None, heldout_reason=NOT_ASKED)
+    unasked = dataclasses.replace(evaluation, heldout_px=None, heldout_reason=NOT_REQUESTED)
     verdict = judge(unasked, other)
     assert verdict.level == "poor"
-    assert "its own photographs are off by" in verdict.sentence
+    assert "in-sample error" in verdict.sentence
 
 
 def test_what_was_not_asked_for_is_not_held_against_a_camera(barrel_set, barrel_calibration):
     verdict = judge(evaluate(barrel_calibration, barrel_set, compare_opencv=False), barrel_set)
     assert verdict.level != "poor"
-    assert "not asked for" in verdict.sentence
+    assert "no held-out error was requested" in verdict.sentence
 
 
 class Folded:
@@ -110,7 +110,7 @@ def test_a_held_out_error_without_a_solution_is_unknown_and_says_why(barrel_set,
         assert reason in evaluation.heldout_reason
         verdict = judge(evaluation, barrel_set)
         assert verdict.level == "poor"
-        assert f"no held-out error is known ({reason}" in verdict.sentence
+        assert f"no held-out error ({reason}" in verdict.sentence
 
 
 def test_corners_where_the_map_is_not_one_to_one_do_not_count(barrel_set, barrel_calibration):
@@ -140,7 +140,7 @@ def test_noise_is_a_yardstick_only_while_it_is_that_of_corners(
     evaluation = evaluate(barrel_calibration, barrel_set, compare_opencv=False)
     verdict = judge(of_noise(evaluation, noise_px, heldout_px), barrel_set)
     assert verdict.level == level
-    assert (f"its corners scatter by {noise_px:.2g} px, 0.3 or less is usual" in verdict.sentence) == (noise_px > 0.5)
+    assert (f"corner noise is {noise_px:.2g} px per axis, where 0.3 px" in verdict.sentence) == (noise_px > 0.5)
 
 
 def test_boards_that_disagree_are_remarked_on(barrel_set, barrel_calibration):
@@ -148,7 +148,7 @@ def test_boards_that_disagree_are_remarked_on(barrel_set, barrel_calibration):
     assert "disagree" not in judge(evaluation, barrel_set).sentence
     calibration = dataclasses.replace(barrel_calibration, details={"disagreement": 3.93})
     verdict = judge(dataclasses.replace(evaluation, calibration=calibration), barrel_set)
-    assert "its boards disagree 3.9 times as much as their corners' noise explains" in verdict.sentence
+    assert "the boards disagree 3.9 times as much as corner noise explains" in verdict.sentence
 
 
 def test_a_camera_of_another_lens_is_poor(barrel_calibration):
@@ -175,4 +175,19 @@ def test_boards_too_few_to_tell_what_makes_them_differ_make_no_good_camera(barre
     puzzled = dataclasses.replace(barrel_calibration, details={"too_few_boards": True})
     verdict = judge(evaluate(puzzled, barrel_set, compare_opencv=False), barrel_set)
     assert verdict.level == "fair"
-    assert "more photographs would tell" in verdict.sentence
+    assert "more photographs would show which" in verdict.sentence
+
+
+def test_the_sentence_is_composed_of_its_parts(barrel_set, barrel_calibration):
+    verdict = judge(evaluate(barrel_calibration, barrel_set, compare_opencv=False), barrel_set)
+    assert verdict.headline.startswith("in-sample error")
+    parts = dataclasses.replace(
+        verdict, level="fair", headline="held-out error 1 px", reasons=("a: b", "c"), advice="photograph more"
+    )
+    assert parts.sentence == "Fair: held-out error 1 px; a: b; c; photograph more."
+    assert dataclasses.replace(parts, reasons=(), advice=None).sentence == "Fair: held-out error 1 px."
+
+
+def test_cells_tile_an_image_whose_pixel_centres_are_integers():
+    np.testing.assert_allclose(cell_centres((4, 3), 4, 3)[:5], [[0, 0], [1, 0], [2, 0], [3, 0], [0, 1]])
+    np.testing.assert_allclose(cell_centres((8, 6), 2, 1), [[1.5, 2.5], [5.5, 2.5]])

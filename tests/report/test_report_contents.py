@@ -20,8 +20,8 @@ from pinholify.report.contents import make_report
 from pinholify.report.contours import grid_pixels, region_inside, regions_above
 from pinholify.report.formats.html import render
 from pinholify.report.html.scene import reach, turned
-from pinholify.report.maps import round_down
 from pinholify.report.narrative import facts, sections
+from pinholify.report.numerals import round_down
 from pinholify.report.pictures import ruler_ends, thumbnail_width
 from pinholify.simulation.views import virtual_camera
 from small_camera import BOARD, LENS, SIZE
@@ -199,10 +199,10 @@ def test_what_pictures_show_is_said(report, evaluation):
     pixels = len(np.unique(v * SIZE[0] + u))
     assert report.coverage.shown == pytest.approx(pixels / np.prod(SIZE), abs=0.01)
     assert report.coverage.shown == pytest.approx(report.coverage.share, abs=0.01)
-    assert "'pinholify undistort' shows that much, and black for the rest" in coverage_text(report)
+    assert "'pinholify undistort' shows the domain and leaves the rest black" in coverage_text(report)
     limited = dataclasses.replace(report.coverage, shown=0.873, limit_px=0.482)
     text = coverage_text(dataclasses.replace(report, coverage=limited))
-    assert "shows where it is still known to 0.48 px, 87 % of the image" in text
+    assert "shows the 87 % of the image where the map is known to 0.48 px" in text
 
 
 def test_levels_lie_in_one_another_and_reach_the_whole_image(report):
@@ -248,7 +248,7 @@ def test_provenance_is_the_files(report, camera_file):
 
 def test_what_is_missing_is_said(report, bare_report):
     assert not any("photograph" in sentence for sentence in report.missing)
-    assert "photographs were not at hand" in bare_report.missing[0]
+    assert "photographs were not available" in bare_report.missing[0]
     assert "--no-heldout" in bare_report.missing[1]
     assert not bare_report.frames
 
@@ -290,9 +290,9 @@ def test_what_boards_disagree_on_and_what_they_share_is_told(evaluation, verdict
     calibration = dataclasses.replace(evaluation.calibration, details={"disagreement": 3.9})
     bent = dataclasses.replace(verdict, shared=SharedError(0.12, 1e-9))
     told = make_report(dataclasses.replace(evaluation, calibration=calibration), bent, report.provenance)
-    assert "Its boards disagree 3.9 times as much as their corners' noise" in paragraphs(told, "intrinsics")
+    assert "The boards disagree 3.9 times as much as corner noise explains" in paragraphs(told, "intrinsics")
     assert "0.12 px is the same at each corner of the board" in paragraphs(told, "residuals")
-    assert "(p = below 0.0001): is the board flat" in paragraphs(told, "residuals")
+    assert "(p < 0.0001): is the board flat" in paragraphs(told, "residuals")
 
 
 def test_whose_board_is_flat_is_told_where_it_matters(evaluation, verdict, report, capsys):

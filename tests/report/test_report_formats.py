@@ -114,11 +114,18 @@ def test_every_section_is_on_the_page_and_linked(page, report):
     assert [f"#{key}" for key in keys] == links[1 : 1 + len(keys)]
 
 
+def test_the_page_lists_the_reasons_of_the_verdict(report):
+    parts = {"headline": "held-out error 1 px", "reasons": ("one: two", "three"), "next_board": "photograph more"}
+    text = render(dataclasses.replace(report, overview=dataclasses.replace(report.overview, **parts)), "html")
+    assert "<span>Held-out error 1 px.</span>" in text
+    assert '<ul class="reasons"><li>One: two.</li><li>Three.</li><li>Photograph more.</li></ul>' in text
+
+
 def test_without_photographs_the_page_says_so_and_draws_the_boards(bare_report):
     page = Page(render(bare_report, "html"))
     assert page.open == []
     assert not page.all("img")
-    assert any("photographs were not at hand" in text for text in page.text)
+    assert any("photographs were not available" in text for text in page.text)
     assert len([a for a in page.all("figure") if a.get("id", "").startswith("photograph-")]) == 10
 
 

@@ -4,7 +4,8 @@ import numpy as np
 
 from pinholify.evaluation.measures import PinholeLines
 from pinholify.geometry import line_distances
-from pinholify.reproduction.drawing import FAR, collinearity_drawing, pinhole_drawing, round_down
+from pinholify.report.numerals import round_down
+from pinholify.reproduction.drawing import FAR, collinearity_drawing, pinhole_drawing
 
 
 def test_drawn_deviations_are_the_distances_to_the_best_fit_lines_magnified():

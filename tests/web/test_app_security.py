@@ -40,7 +40,7 @@ def test_two_apps_in_one_browser_keep_their_tokens_apart(app: App, tmp_path: Pat
 def test_a_refusal_is_a_page_for_people(app: App):
     refused = httpx.get(app.url, headers={"accept": "text/html"})
     assert refused.status_code == 403
-    assert "open the address that the terminal shows" in refused.text
+    assert "open the address shown in the terminal" in refused.text
 
 
 @pytest.mark.parametrize(

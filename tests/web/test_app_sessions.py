@@ -40,7 +40,8 @@ def test_the_board_and_the_camera_are_found(client: httpx.Client, calibrated: st
     assert result["f_px_std"] < 0.005 * result["f_px"]
     assert result["level"] in {"good", "fair"}
     assert result["sentence"].endswith(".")
-    assert "to gain most" not in result["sentence"]
+    assert "photograph the board" not in result["sentence"]
+    assert result["sentence"] == f"{result['level'].capitalize()}: {'; '.join(result['findings'])}."
     assert result["next"]["place"]
     assert set(result["boards"]) == {photograph["id"] for photograph in state["photographs"]}
     for photograph in state["photographs"]:
@@ -249,9 +250,9 @@ def test_frames_of_a_video_are_chosen(client: httpx.Client, session: str, photog
 @pytest.mark.parametrize(
     ("data", "why"),
     [
-        (b"#EXTM3U\n#EXTINF:1,\nfile:///etc/passwd\n", "is no video this app reads"),
-        (b"ffconcat version 1.0\nfile /etc/passwd\n", "is no video this app reads"),
-        (b"RIFF....WAVE", "is no video this app reads"),
+        (b"#EXTM3U\n#EXTINF:1,\nfile:///etc/passwd\n", "is not a video that this app reads"),
+        (b"ffconcat version 1.0\nfile /etc/passwd\n", "is not a video that this app reads"),
+        (b"RIFF....WAVE", "is not a video that this app reads"),
         (b"\x1aE\xdf\xa3 cut", "cannot be read as a video"),
     ],
 )

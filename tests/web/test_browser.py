@@ -229,7 +229,7 @@ def test_photographs_without_a_board_are_said_and_mended(open_page: Open, tmp_pa
     Image.new("L", (320, 240), 128).save(grey, "PNG")
     drop(page, [("grey.png", "image/png", grey.getvalue())])
     page.wait_for_selector(".verdict:has-text('The photograph does not show a whole checkerboard.')")
-    page.click("text=Say which board")
+    page.click("text=Select the board")
     page.fill("#new-board", "circles:7x5")
     page.click("#board-save")
     page.wait_for_selector(".verdict:has-text('The photograph does not show the board circles:7×5.')")

@@ -13,7 +13,7 @@ from pinholify.board import Charuco, Checkerboard, lattice
 from pinholify.corners import Corners, not_found
 from pinholify.geometry import Pose
 from pinholify.simulation.views import board_poses, true_corners
-from pinholify.web.guidance import FULL, advice, bars, choose, content, outer_corners, posture
+from pinholify.web.guidance import FULL, advice, bars, choose, good_enough, outer_corners, posture
 from small_camera import BOARD, LENS, SIZE
 
 
@@ -108,10 +108,10 @@ def test_a_charuco_boards_outline_comes_from_the_corners_that_are_seen():
 
 def test_contentment_wants_a_good_verdict_a_known_f_and_boards():
     good = {"f_px": 500.0, "f_px_std": 1.0, "level": "good", "photographs": ["a"] * 10}
-    assert content(good)
+    assert good_enough(good)
     unknown = {"f_px_std": None}
     for worse in ({"level": "fair"}, {"level": None}, {"f_px_std": 5.0}, unknown, {"photographs": ["a"] * 9}):
-        assert not content({**good, **worse})
+        assert not good_enough({**good, **worse})
 
 
 def test_boards_of_other_shapes_have_postures_too():

@@ -1,1 +1,1 @@
-"""Many pictures: what is left to do, who does it (this process, several, a cluster), and what came of it."""
+"""Batch processing of pictures and videos: planning, execution in one or more processes or a cluster, results."""

@@ -1,4 +1,4 @@
-"""Things made in a thread of their own, a few ahead of their use."""
+"""Iteration in a separate thread, a few items ahead of the consumer."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _END = object()
 
 
 def ahead(items: Iterable[T], depth: int = 4) -> Iterator[T]:
-    """``items`` in order, made in a thread up to ``depth`` ahead; its error is raised here.
+    """``items`` in order, produced in a thread up to ``depth`` ahead; an error in it is raised here.
 
-    The thread ends with the iteration, early or not.
+    The thread ends with the iteration, even if that ends early.
     """
     made: queue.Queue[object] = queue.Queue(depth)
     stopped = threading.Event()

@@ -1,4 +1,4 @@
-"""What is to be done, what is done already, and what came of it: decided here, without reading a file."""
+"""Jobs, plans and reports of a batch, computed without reading files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A job that has ended: ``failure`` is one sentence, empty where the picture stands at its target."""
+    """A job that has ended: ``failure`` is one sentence, empty if the target was written."""
 
     job: Job
     failure: str = ""
@@ -31,7 +31,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The jobs ``to_do``, and those that an earlier run has ``finished``."""
+    """The jobs ``to_do``, and those that an earlier run ``finished``."""
 
     to_do: tuple[Job, ...]
     finished: tuple[Job, ...]
@@ -39,7 +39,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a run left: the ``written`` targets in the order of the sources, those ``finished`` before it, failures."""
+    """The result of a run: ``written`` targets in the order of the sources, those ``finished`` earlier, failures."""
 
     written: tuple[str, ...]
     finished: tuple[str, ...]
@@ -48,14 +48,14 @@ class Report:
 
 
 def jobs_for(sources: Sequence[str], folder: str) -> tuple[Job, ...]:
-    """A job a source: into ``folder``, under the same stem, as PNG or for a JPEG as JPEG.
+    """One job per source: into ``folder`` with the same stem, as JPEG for a JPEG, otherwise as PNG.
 
-    Raises InputError where two would be written to one place, OutputError where a source would be replaced.
+    Raises InputError if two sources have the same target, OutputError if a source would be overwritten.
     """
     jobs = tuple(Job(source, inside(folder, _target_name(source))) for source in sources)
     twice = [target for target, count in Counter(job.target for job in jobs).items() if count > 1]
     if twice:
-        raise InputError(f"two images would both be written as '{twice[0]}'; rename one, or do them in two runs")
+        raise InputError(f"two images would both be written as '{twice[0]}'; rename one, or use two runs")
     if {real(job.target) for job in jobs} & {real(source) for source in sources}:
         raise OutputError("the results would replace the photographs themselves; choose another folder with -o")
     return jobs
@@ -67,10 +67,10 @@ def _target_name(source: str) -> str:
 
 
 def plan(jobs: Sequence[Job], standing: Mapping[str, bool], *, resume: bool = False, force: bool = False) -> Plan:
-    """Which of ``jobs`` to do. ``standing`` has a key for every target that is there: whether this work made it.
+    """Which of ``jobs`` to do; ``standing`` has a key for every existing target: whether this work wrote it.
 
-    With ``resume`` those that it made are finished, and with ``force`` all others are replaced; otherwise whatever
-    is there raises OutputError.
+    With ``resume`` the targets that this work wrote are finished; with ``force`` all others are replaced. Raises
+    OutputError for any other existing target.
     """
     finished = {job for job in jobs if resume and standing.get(job.target)}
     left = tuple(job for job in jobs if job not in finished)
@@ -84,11 +84,11 @@ def _in_the_way(targets: Sequence[str], resume: bool, ours: bool) -> str:
     found = f"'{targets[0]}' is already there ({len(targets)} in all)"
     if resume:
         found += " and does not come from this photograph, camera and view"
-    return f"{found}; choose another folder, {'say --resume to do only the rest, ' if ours else ''}or say --force"
+    return f"{found}; choose another folder, {'use --resume to do only the rest, ' if ours else ''}or use --force"
 
 
 def report(plan: Plan, outcomes: Sequence[Outcome]) -> Report:
-    """Of ``outcomes`` in any order."""
+    """The report of ``outcomes``, which may be in any order."""
     failures = {outcome.job: outcome.failure for outcome in outcomes}
     return Report(
         tuple(job.target for job in plan.to_do if not failures[job]),

@@ -1,4 +1,4 @@
-"""Straightening many pictures: planned, done, reported."""
+"""Straightening many pictures."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def straighten_images(
     force: bool = False,
     on_outcome: Callable[[Outcome], object] | None = None,
 ) -> Report:
-    """Take the image files ``sources`` to ``folder``: PNG, or JPEG for a JPEG. Places are paths or URLs of fsspec's.
+    """Straighten the image files ``sources`` into ``folder``, as JPEG for a JPEG and otherwise as PNG.
 
-    The work is done in this process, by several ``workers`` of this machine, or by those of the dask ``scheduler`` at
-    that address. Every picture carries a stamp of its camera, view, options and source; with ``resume`` those that
-    carry the right one are finished, and with ``force`` others are replaced. ``on_outcome`` hears of each as it ends,
-    of the finished ones first.
+    Sources and folder are paths or fsspec URLs. The work is done by ``workers`` processes of this machine (1: this
+    process), or by the workers of the dask ``scheduler`` at that address. Every picture carries a stamp of its camera,
+    view, options and source; with ``resume`` existing pictures with the right stamp are finished, and with ``force``
+    others are replaced. ``on_outcome`` is called with the outcome of each job, those of finished ones first.
 
-    A source that cannot be straightened is a failure in the report. Raises InputError and OutputError, before any
-    work, where targets clash, are there or cannot be written; later OutputError where one cannot be written after all.
+    A source that cannot be straightened is a failure in the report. Raises InputError or OutputError before any work if
+    targets clash, exist or cannot be written, and OutputError if writing fails later.
     """
     work = straightening(straightener, again=force and not resume)
     jobs = jobs_for(sources, folder)
@@ -50,7 +50,7 @@ def straighten_images(
 
 
 def _make_room(folder: str, planned: Plan) -> None:
-    """Make the folder and try the targets in it; what is behind a URL shows itself only when it is written."""
+    """Create the folder and check that the targets can be written; URLs can only be checked by writing."""
     if places.is_url(folder):
         return
     make_folder(Path(folder))

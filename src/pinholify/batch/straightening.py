@@ -1,4 +1,4 @@
-"""Straightening one picture from place to place, and the stamp by which it is known to be done."""
+"""Straightening one picture from its source to its target, and the stamp that identifies the result."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from pinholify.rectification.straightener import Straightener
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Straightening:
-    """Does a :class:`Job` when called; small enough to be sent to other processes, where it makes its map once.
+    """Does a :class:`Job` when called; small enough to send to other processes, each of which builds its map once.
 
-    ``identity`` (hexadecimal digits) stands for the camera, the view and every option of ``straightener``.
-    With ``again`` a picture that was done already is done anew.
+    ``identity`` (hexadecimal digits) is a digest of the camera, the view and every option of ``straightener``. With
+    ``again`` a picture that is already finished is done again.
     """
 
     straightener: Straightener
@@ -33,9 +33,10 @@ class Straightening:
     again: bool = False
 
     def __call__(self, job: Job) -> None:
-        """Read, straighten, write; nothing where ``job`` is done: a cluster may give it out again when a worker dies.
+        """Read, straighten and write, unless ``job`` is finished: a cluster may repeat a job when a worker dies.
 
-        Raises ImageError, which names the source, for one that is no image of the camera; OutputError.
+        Raises ImageError, which names the source, if that is not an image of the camera, and OutputError if the target
+        cannot be written.
         """
         data = places.read_bytes(job.source)
         stamp = self.stamp(job.source, len(data))
@@ -49,12 +50,12 @@ class Straightening:
         places.write_bytes(job.target, stamps.stamped(encode_image(straight, job.target), stamp))
 
     def stamp(self, source: str, size: int | None) -> str:
-        """What a picture carries that was made by this from ``source`` of ``size`` bytes: 32 hexadecimal digits."""
+        """The stamp (32 hexadecimal digits) of the picture made from ``source`` of ``size`` bytes."""
         text = "\n".join([self.identity, places.name_of(source), str(size)])
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def standing(self, jobs: Sequence[Job]) -> dict[str, bool]:
-        """The targets that are there, each with whether this made it from its source."""
+        """The existing targets of ``jobs``, each with whether this work wrote it from its source."""
         found = places.beginnings([job.target for job in jobs], stamps.REACH)
         there = [(job, beginning) for job, beginning in zip(jobs, found, strict=True) if beginning is not None]
         sizes = places.sizes([job.source for job, _ in there])
@@ -65,7 +66,7 @@ class Straightening:
 
 
 def straightening(straightener: Straightener, *, again: bool = False) -> Straightening:
-    """The work of straightening pictures as ``straightener`` does."""
+    """The work of straightening pictures with ``straightener``."""
     digest = hashlib.sha256(pinholify.__version__.encode())
     _digest(digest, straightener)
     return Straightening(straightener, digest.hexdigest(), again)
@@ -73,7 +74,7 @@ def straightening(straightener: Straightener, *, again: bool = False) -> Straigh
 
 @lru_cache(maxsize=1)
 def _prepared(work: Straightening) -> Straightener:
-    """A straightener that keeps its map in this process, while ``work`` stays small."""
+    """A copy of the straightener that caches its map in this process, so that ``work`` stays small."""
     return copy.copy(work.straightener)
 
 
@@ -83,9 +84,9 @@ def _standing_stamp(target: str) -> str | None:
 
 
 def _digest(digest: Any, value: Any) -> None:
-    """Feed ``value`` into ``digest``: values and arrays, but no field whose name begins with a line (what is cached).
+    """Feed ``value`` into ``digest``, except for fields whose name begins with an underscore, which are caches.
 
-    Raises TypeError for a value whose text would not tell it from others.
+    Raises TypeError for a value whose text does not identify it.
     """
     if dataclasses.is_dataclass(value):
         digest.update(type(value).__name__.encode())
@@ -102,4 +103,4 @@ def _digest(digest: Any, value: Any) -> None:
     elif value is None or isinstance(value, str | int | float | np.generic):
         digest.update(repr(value).encode())
     else:
-        raise TypeError(f"a {type(value).__name__} has no identity that lasts")
+        raise TypeError(f"a {type(value).__name__} has no stable identity")

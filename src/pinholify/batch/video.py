@@ -1,4 +1,4 @@
-"""Straightening a video: decoded, remapped and encoded side by side, and taken up where an earlier run was stopped."""
+"""Straightening a video: decoding, remapping and encoding in parallel; a stopped run can be resumed."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ from pinholify.rectification.maps import rectification_map
 from pinholify.rectification.straightener import Straightener
 
 SEGMENT = 600
-"""Frames a part: what is lost at most when a run is stopped."""
+"""Frames per part: the most that is lost when a run is stopped."""
 
 
 @dataclass(frozen=True, slots=True)
 class VideoJob:
-    """A video to straighten, looked at and found possible; ``left_out`` are kinds of streams that will be missing.
+    """A video to straighten that has been checked; ``left_out`` are the kinds of streams that will be missing.
 
-    ``parts`` holds what is encoded until all is; its name stands for the source, the camera, the view and the encoding.
+    ``parts`` is the folder of encoded parts until all are finished; its name contains a digest of the source, the
+    camera, the view and the encoding.
     """
 
     source: str
@@ -43,13 +44,13 @@ class VideoJob:
 def video_job(
     straightener: Straightener, source: str, target: str, *, codec: str | None = None, quality: int | None = None
 ) -> VideoJob:
-    """Plan to take the video ``source`` to ``target``. ``codec`` and ``quality`` are those of the ``choose_encoding``.
+    """Plan the straightening of the video ``source`` to ``target``; ``codec`` and ``quality`` as ``choose_encoding``.
 
-    Raises ImageError for a video that is not the camera's, InputError for options that do not go together, OutputError
-    where the target cannot be written or does not hold what there is.
+    Raises ImageError for a video that is not the camera's, InputError for incompatible options, and OutputError if the
+    target cannot be written or its container does not support the streams.
     """
     if Path(target).suffix.lower() not in CONTAINERS:
-        raise OutputError(f"'{target}' is no video that can be written; end its name in one of {', '.join(CONTAINERS)}")
+        raise OutputError(f"'{target}' is not a supported video; end its name in one of {', '.join(CONTAINERS)}")
     if straightener.method != "remap":
         raise InputError(f"videos are straightened by 'remap' only, not by '{straightener.method}'")
     info = probe(source)
@@ -79,7 +80,7 @@ def _try(source: str, target: str, encoding: Encoding, info: VideoInfo) -> None:
 
 
 def _identity(straightener: Straightener, source: str, encoding: Encoding) -> str:
-    """What tells the parts of this very video from others."""
+    """A digest that identifies the parts of this video."""
     stat = os.stat(source)
     stamp = straightening(straightener).stamp(source, stat.st_size)
     text = f"{stamp} {stat.st_mtime_ns} {encoding} {pyav().__version__}"
@@ -87,11 +88,11 @@ def _identity(straightener: Straightener, source: str, encoding: Encoding) -> st
 
 
 def straighten_video(straightener: Straightener, job: VideoJob, *, on_frame: Callable[[], object] | None = None) -> int:
-    """Do ``job``; the number of frames. ``on_frame`` is called for every frame, for those of an earlier run at once.
+    """Do ``job`` and return the number of frames; ``on_frame`` is called for each, also for those of an earlier run.
 
-    Every frame of the original is there, at its own time and in its own depth, and the sound as it was. Whole parts
-    stay beside the target until it is there, so the same call goes on where one that was stopped left off. Raises
-    ImageError for a video that is damaged, OutputError where something cannot be written.
+    Every frame keeps its time and bit depth, and the sound is copied. Finished parts stay next to the target until it
+    is complete, so that the same call resumes a stopped run. Raises ImageError if the video is damaged, OutputError if
+    a file cannot be written.
     """
     parts = SegmentFolder(job.parts)
     for _ in range(parts.frames if on_frame else 0):
@@ -119,10 +120,10 @@ def _straight_frames(straightener: Straightener, job: VideoJob, after: int | Non
 
 
 def _in_format(frame: Frame, encoding: Encoding) -> Frame:
-    """``frame`` in the pixel format that is encoded, itself where it is in that one."""
+    """``frame`` converted to the pixel format of ``encoding``; unchanged if it already has that."""
     if frame.format.name.replace("yuvj", "yuv") == encoding.pixel_format:
         return frame
-    # BT.709, as the encoding says of what was RGB; between kinds of YUV it changes nothing.
+    # BT.709, as the encoding declares for RGB sources; it has no effect between YUV formats.
     return frame.reformat(format=encoding.pixel_format, dst_colorspace="ITU709" if frame.format.is_rgb else None)
 
 

@@ -1,1 +1,1 @@
-"""How good a calibration is: the paper's measures, held-out error, and OpenCV's models on the same corners."""
+"""The quality of a calibration: the paper's measures, held-out error, and OpenCV's models on the same corners."""

@@ -1,4 +1,4 @@
-"""OpenCV's camera models fitted to the same corners, to compare with."""
+"""OpenCV's camera models fitted to the same corners, for comparison."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class BoardPoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenCVCamera:
-    """A camera of one of OpenCV's ``MODELS``, in its own conventions."""
+    """A camera of one of OpenCV's ``MODELS``: its ``matrix`` (3, 3) in px and ``distortion`` coefficients."""
 
     model: str
     matrix: Floats
@@ -53,7 +53,7 @@ class OpenCVCamera:
         return np.asarray(seen[:, 0] - board.uv)
 
     def pose(self, board: BoardPoints) -> tuple[Floats, Floats]:
-        """rvec and tvec (3, 1) of a board by a solve on undistorted points, then least squares on px."""
+        """The rvec and tvec (3, 1) of a board: a solve on undistorted points, refined by least squares in px."""
         rays = self._normalised(board.uv)
         _, rotation, translation = cv2.solvePnP(board.solid, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
         if self.model != "fisheye":
@@ -70,7 +70,7 @@ class OpenCVCamera:
 def _refine_fisheye_pose(
     camera: OpenCVCamera, board: BoardPoints, rotation: Floats, translation: Floats
 ) -> tuple[Floats, Floats]:
-    """OpenCV 4 has no least-squares pose for its fisheye model, so scipy does it on OpenCV's projection."""
+    """Least squares by SciPy on OpenCV's projection: OpenCV 4 has no pose refinement for its fisheye model."""
     from scipy.optimize import least_squares
 
     def residual(pose: Floats) -> Floats:
@@ -82,7 +82,7 @@ def _refine_fisheye_pose(
 
 
 def fit_opencv(model: str, boards: Sequence[BoardPoints], image_size: tuple[int, int]) -> OpenCVCamera | None:
-    """OpenCV's ``model`` (one of ``MODELS``) fitted to ``boards``; None where OpenCV gives up or diverges."""
+    """OpenCV's ``model`` (one of ``MODELS``) fitted to ``boards``; None where OpenCV fails or diverges."""
     try:
         if model == "fisheye":
             matrix, distortion = _fit_fisheye(boards, image_size)

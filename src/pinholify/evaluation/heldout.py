@@ -1,4 +1,4 @@
-"""Held-out error: train on some boards, refit only the pose on others, score in px of the original image."""
+"""Held-out error: train on some boards, refit only the poses of the others, score in px of the original image."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ PoseResiduals = Callable[[BoardPoints], Floats | None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Split:
-    """Boards to train on, and the corners to score: those inside the hull of all training corners."""
+    """Boards to ``train`` on, and the corners to ``test``: those inside the hull of all training corners."""
 
     train: tuple[Corners, ...]
     test: tuple[BoardPoints, ...]
 
 
 def by_size(views: Sequence[Corners]) -> list[Corners]:
-    """Views with the largest hull first."""
+    """Views in decreasing order of the area of their corners' hull."""
     return sorted(views, key=lambda view: -convex_hull(view.uv).area)
 
 
 def alternating_split(corner_set: CornerSet, views: Sequence[Corners]) -> Split:
-    """Boards by hull area: train on 0, 1, 3, 5, …, test on 2, 4, 6, …."""
+    """Boards by decreasing hull area: train on 0, 1, 3, 5, …, test on 2, 4, 6, …."""
     ordered = by_size(views)
     if not ordered:
         return Split((), ())
@@ -46,8 +46,9 @@ def alternating_split(corner_set: CornerSet, views: Sequence[Corners]) -> Split:
 
 
 def unseen_split(calibration: Calibration, views: Sequence[Corners]) -> Split:
-    """All boards of ``calibration`` train, without the corners that its fit left out as wrong; all of ``views`` are
-    scored: inside its domain where it was imported.
+    """The split that trains on all boards of ``calibration`` and scores ``views``.
+
+    Corners that its fit left out as wrong do not train. An imported camera has no boards: its domain is scored.
     """
     trained = wrong_corners(calibration, calibration.corner_set).left_out_of(calibration.corner_set)
     if not trained.found:
@@ -56,7 +57,7 @@ def unseen_split(calibration: Calibration, views: Sequence[Corners]) -> Split:
 
 
 def folds(corner_set: CornerSet, views: Sequence[Corners], count: int) -> list[Split]:
-    """``count`` splits over boards; the largest board always trains, every other one is tested once."""
+    """``count`` splits over boards: the largest board always trains, and every other one is tested once."""
     if not views:
         return []
     first, *others = by_size(views)
@@ -81,17 +82,17 @@ def _scored(corner_set: CornerSet, hull: ConvexRegion, test: Sequence[Corners]) 
     return tuple(scored)
 
 
-def heldout_rms(residuals: PoseResiduals, splits: Sequence[BoardPoints]) -> float | None:
-    """Pooled per-point RMS in px over boards; None where there is nothing to score or a board finds no pose."""
-    each = [residuals(board) for board in splits]
+def heldout_rms(residuals: PoseResiduals, boards: Sequence[BoardPoints]) -> float | None:
+    """Pooled per-point RMS in px over ``boards``; None if there are none or no pose is found for one of them."""
+    each = [residuals(board) for board in boards]
     found = [r for r in each if r is not None and np.isfinite(r).all()]
     return rms(np.concatenate(found)) if found and len(found) == len(each) else None
 
 
 def camera_residuals(calibration: Calibration) -> PoseResiduals:
-    """Residuals through the camera's own Jacobian, after refitting the pose of the board (as bent as it was found).
+    """Residuals through the camera's own Jacobian after refitting the pose of the board, in its estimated shape.
 
-    None where its map is not one to one at a corner, as beyond the last ray of the lens.
+    None where the map is not one to one at a corner, as beyond the lens's field of view.
     """
     camera = calibration.camera
 
@@ -107,7 +108,7 @@ def camera_residuals(calibration: Calibration) -> PoseResiduals:
 
 
 def opencv_residuals(model: str, split: Split, corner_set: CornerSet) -> PoseResiduals | None:
-    """Residuals of OpenCV's ``model`` trained on ``split``; None where it cannot be fitted."""
+    """Residuals of OpenCV's ``model`` trained on ``split``; None if it cannot be fitted."""
     boards = [BoardPoints(v.lattice(corner_set.board), v.uv) for v in split.train]
     camera = fit_opencv(model, boards, corner_set.image_size)
     return None if camera is None else camera.residuals

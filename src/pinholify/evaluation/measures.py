@@ -1,4 +1,10 @@
-"""The paper's measures: collinearity, reprojection, pinholeness. Pooling as the interface page fixes it."""
+"""The paper's measures: collinearity error (CE), reprojection error (RE) and pinholeness.
+
+CE is the mean over all rows and columns (of at least three corners) of all counted boards: the RMS distance of a line's
+corners from their total-least-squares line, divided by the distance of its end corners. RE of a board is the RMS
+distance of its corners from where they are predicted, divided by the mean spacing of adjacent corners in the same
+plane; RE is the root mean square over counted boards, in per cent.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +25,12 @@ PAIRS = 60
 
 
 def board_lines(lattice: Floats, points: Floats) -> list[Floats]:
-    """The rows and columns of a board that have at least three points, each (k, 2), in lattice order."""
+    """The rows and columns with at least three points of a board, each (k, 2), in lattice order."""
     return [points[line] for line in _lines(lattice) if len(line) >= 3]
 
 
 def _lines(lattice: Floats) -> list[Ints]:
-    """The numbers of the points of each row and column, in lattice order."""
+    """The indices of the points of each row and column, in lattice order."""
     lines = []
     for along, across in ((0, 1), (1, 0)):
         order = np.lexsort((lattice[:, along], lattice[:, across]))
@@ -33,10 +39,17 @@ def _lines(lattice: Floats) -> list[Ints]:
     return lines
 
 
-def collinearity_errors(lattice: Floats, points: Floats) -> Floats:
-    """RMS distance of each row's and column's points to its line ÷ distance of its end points, unitless.
+def line_feet(points: Floats) -> Floats:
+    """Feet (n, d) of the perpendiculars from ``points`` (n, d) to their total-least-squares line."""
+    centre = points.mean(axis=0)
+    direction = np.linalg.svd(points - centre, full_matrices=False)[2][0]
+    return np.asarray(centre + np.outer((points - centre) @ direction, direction))
 
-    ``points`` (n, 2) in any plane, ``lattice`` (n, 2) their lattice places.
+
+def collinearity_errors(lattice: Floats, points: Floats) -> Floats:
+    """Collinearity error of each row and column, unitless.
+
+    ``points`` (n, 2) lie in any plane; ``lattice`` (n, 2) are their lattice coordinates.
     """
     return np.array(
         [
@@ -47,9 +60,9 @@ def collinearity_errors(lattice: Floats, points: Floats) -> Floats:
 
 
 def mean_spacing(lattice: Floats, points: Floats) -> float:
-    """Mean distance of horizontally and vertically adjacent points of one board, a square's in units of ``points``.
+    """Mean distance of horizontally and vertically adjacent points of a board, per square, in units of ``points``.
 
-    Adjacent are the nearest that the lattice has: points one square apart on a checkerboard, the ends of a gap on an
+    Adjacent points are the nearest that the lattice has: one square apart on a checkerboard, the ends of a gap on an
     AprilGrid, two units apart in an asymmetric circle grid.
     """
     pairs = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in _lines(lattice)])
@@ -61,13 +74,13 @@ def mean_spacing(lattice: Floats, points: Floats) -> float:
 
 
 def closed_form_percent(observed: ObservedBoard, intrinsics: Intrinsics) -> float:
-    """RE of one board with its closed-form pose: RMS distance in the virtual plane ÷ mean spacing of its points, %."""
+    """RE of a board with its closed-form pose, in the virtual plane, %."""
     board = observed.board
     return _percent(observed, intrinsics.project(observed.closed_form.apply(board.lattice)))
 
 
 def refined_percent(observed: ObservedBoard) -> float:
-    """RE of one board with its refined pose, in % of the mean spacing of its points in the virtual plane."""
+    """RE of a board with its refined pose, in the virtual plane, %."""
     return _percent(observed, observed.projected)
 
 
@@ -77,22 +90,22 @@ def _percent(observed: ObservedBoard, projected: Floats) -> float:
 
 
 def rms(errors: Floats) -> float:
-    """Root mean square length of ``errors`` (n, 2)."""
+    """Root mean square length of ``errors`` (n, 2); nan if there are none."""
     return float(np.sqrt((errors**2).sum(axis=1).mean())) if len(errors) else float("nan")
 
 
 def root_mean_square(values: Iterable[float]) -> float:
-    """Root mean square of numbers; nan for none."""
+    """Root mean square of ``values``; nan if there are none."""
     array = np.array(list(values))
     return float(np.sqrt((array**2).mean())) if len(array) else float("nan")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PinholeLines:
-    """100 pixels' lines of sight, each fitted to its points on all board planes.
+    """Lines of sight of about 100 pixels, each fitted to the pixel's points on all board planes.
 
-    ``points`` (n,) lists of (k, 3), ``anchors`` and ``directions`` (n, 3), ``distances`` (n,) of the lines from the
-    origin ÷ f. Frame and unit: the camera's, squares.
+    ``points`` (k, 3) of each line; ``anchors`` and ``directions`` (n, 3), in squares in the camera's frame;
+    ``distances`` (n,) of the lines from the origin, in units of f.
     """
 
     points: tuple[Floats, ...]
@@ -101,10 +114,15 @@ class PinholeLines:
     distances: Floats
 
 
-def pinhole_lines(camera: VirtualCamera, boards: Sequence[ObservedBoard]) -> PinholeLines | None:
-    """Lines of 10 × 10 pixels through their points on every board's plane (paper, section 3); None below three boards.
+def plane_crossings(anchors: Floats, directions: Floats) -> Floats:
+    """Points (n, 3) where lines through ``anchors`` (n, 3) along ``directions`` (n, 3) cross the plane z = 0."""
+    return np.asarray(anchors - anchors[:, 2:] / directions[:, 2:] * directions)
 
-    A pixel's point on board k is its virtual point through H_k⁻¹ and the closed-form pose.
+
+def pinhole_lines(camera: VirtualCamera, boards: Sequence[ObservedBoard]) -> PinholeLines | None:
+    """Lines of sight of 10 × 10 pixels through their points on every board (paper, section 3); None below three boards.
+
+    A pixel's point on board k is its virtual point mapped by H_k⁻¹ and the closed-form pose.
     """
     if len(boards) < 3:
         return None
@@ -132,7 +150,7 @@ def _inverse(matrix: Floats) -> Floats:
 
 
 def pixel_grid(camera: VirtualCamera) -> Floats:
-    """About 10 × 10 pixels spread over the camera's domain, (n, 2)."""
+    """About 10 × 10 pixels (n, 2) spread over the camera's domain."""
     low, high = camera.domain.hull.vertices.min(axis=0), camera.domain.hull.vertices.max(axis=0)
     for lines in range(LINES_EACH_WAY, 3 * LINES_EACH_WAY):
         share = (np.arange(lines) + 0.5) / lines
@@ -145,9 +163,9 @@ def pixel_grid(camera: VirtualCamera) -> Floats:
 
 
 def _robust_line(points: Floats) -> tuple[Floats, Floats]:
-    """Anchor and direction of a line through ``points`` (k, 3): least median over pairs, then least squares.
+    """Anchor and direction of a line through ``points`` (k, 3): least median of distances, then least squares.
 
-    Distances count relative to the depth, since a far plane is hit less exactly.
+    Distances are relative to the depth, since points on far planes are less accurate.
     """
     depth = np.linalg.norm(points, axis=1)
     first, second = np.triu_indices(len(points), 1)

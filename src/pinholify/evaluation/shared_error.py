@@ -1,4 +1,4 @@
-"""How alike the residuals of all boards are at each corner of the board."""
+"""The error that a corner of the board has in common on all photographs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pinholify.refinement.sharing import SharedError, shared_error
 
 
 def shared_error_of(calibration: Calibration, observed: Iterable[ObservedBoard]) -> SharedError:
-    """What the residuals of the ``observed`` boards owe to shifts of the board's corners that all of them share."""
+    """The part of the residuals of the ``observed`` boards that common shifts of the board's corners explain."""
     boards = list(observed)
     if not boards:
         return SharedError(0.0, 1.0)
@@ -28,7 +28,7 @@ def shared_error_of(calibration: Calibration, observed: Iterable[ObservedBoard])
 
 
 def _by_shift(calibration: Calibration, observed: ObservedBoard) -> Floats:
-    """∂(weighted residual in px)/∂(shift of the board's point in its own axes, squares): (m, 2, 3)."""
+    """Derivative (m, 2, 3) of weighted residuals in px by shifts of the board's points along its axes, in squares."""
     points = observed.refined.apply(calibration.solid(observed.board.lattice))
     by_point = PlaneChart(calibration.camera.intrinsics).coordinate_jacobian(points)
     return np.asarray(observed.board.whitening @ by_point @ observed.refined.rotation)

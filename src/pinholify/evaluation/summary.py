@@ -1,8 +1,8 @@
-"""One evaluation of a camera on a set of corners: everything a person or a script wants to know of it."""
+"""The evaluation of a camera on a set of corners: all measures, held-out errors, and OpenCV's models."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,23 +38,24 @@ from pinholify.evaluation.measures import (
 from pinholify.evaluation.wrong_corners import WrongCorners, wrong_corners
 
 FOLDS = 5
-NOT_ASKED = "not asked for"
-ELSEWHERE = "give photographs whose boards lie where the camera was calibrated"
+NOT_REQUESTED = "not requested"
+ELSEWHERE = "use photographs whose boards lie where the camera was calibrated"
 UNDETERMINED = (
-    "these boards do not tell the camera's map well enough anywhere; come nearer, so that the board fills more of the "
-    "image, and tilt it in different ways"
+    "these boards do not determine the camera's map well enough anywhere; move closer, so that the board fills more of "
+    "the image, and tilt it in different ways"
 )
 NO_BOARD_LOCATED = "no board shows enough corners where the camera was calibrated"
 
 Recalibrate = Callable[[CornerSet, str], Calibration]
-"""Calibrate a set of corners again with the named reference, in the way the camera was."""
+"""Calibrates a set of corners with the named reference and the settings of the camera that is evaluated."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoardScore:
-    """One image: its board's corners, how many count, and its errors where the board counts.
+    """The score of one image; errors are None where its board does not count, with the ``reason``.
 
-    ``note`` says what was done to its corners. ``wrong`` of them belong to no board: they are in none of the numbers.
+    ``corners`` were found, of which ``inside`` lie in the camera's domain and ``wrong`` were rejected by the fit and
+    are in no measure. ``note`` says how the corners were changed.
     """
 
     file: str
@@ -72,7 +73,7 @@ class BoardScore:
 
 @dataclass(frozen=True, slots=True)
 class Pooled:
-    """CE (mean over lines), RE closed-form and refined in % and the refined residual in px, over counted boards."""
+    """CE, RE with closed-form and refined poses in %, and the RMS refined residual in px, over counted boards."""
 
     ce: float
     re_percent: float
@@ -82,7 +83,7 @@ class Pooled:
 
 @dataclass(frozen=True, slots=True)
 class OpenCVScore:
-    """One of OpenCV's models on the same corners; None where it could not be fitted or located."""
+    """Errors of one of OpenCV's models on the same corners; None where a fit or a board's pose failed."""
 
     insample_px: float | None
     re_percent: float | None
@@ -93,10 +94,11 @@ class OpenCVScore:
 class Evaluation:
     """All measures of a calibration on a set of corners.
 
-    ``pooled`` counts all boards, ``pooled_without_reference`` leaves out the reference, which the map was fitted to.
-    ``heldout_px`` trains anew on half the boards, or, on photographs the camera was not made from, takes it as it is
-    (OpenCV's models then train on the camera's own photographs); ``kfold_px`` on all but a fifth, where asked for.
-    ``wrong`` are the corners that the fit found grossly wrong: no measure of any method knows them.
+    ``pooled`` counts all boards; ``pooled_without_reference`` leaves out the reference, which the map was fitted to.
+    ``heldout_px`` is the error of a calibration on half of the boards; on photographs that the camera was not made from
+    it is the error of the camera itself, and OpenCV's models are trained on the camera's own photographs. ``kfold_px``,
+    if requested, trains on all but a fifth. ``wrong`` are the corners that the fit rejected as grossly wrong: no
+    measure of any method uses them.
     """
 
     calibration: Calibration
@@ -123,7 +125,8 @@ def evaluate(
 ) -> Evaluation:
     """Score ``calibration`` on ``corner_set``; held-out errors need ``recalibrate``.
 
-    Corners that its fit found grossly wrong are left out for every method, in what trains and in what is scored.
+    Corners that its fit rejected as grossly wrong are left out for every method, in training and in scoring. Raises
+    CalibrationError where no board can be scored.
     """
     corner_set, notes = _numbered(calibration, corner_set)
     corner_set = centred(corner_set, calibration)
@@ -131,11 +134,7 @@ def evaluate(
     corner_set = wrong.left_out_of(corner_set)
     mapped, observed = observe(calibration.camera, corner_set, calibration.solid, calibration.closed_form)
     if not observed:
-        reasons = sorted({b.reason for b in mapped if b.corners}) or ["no board was found"]
-        raise CalibrationError(
-            f"none of the {len(mapped)} images can be scored ({reasons[0]}): "
-            + (ELSEWHERE if strange else UNDETERMINED)
-        )
+        raise _unscorable(mapped, ELSEWHERE if strange else UNDETERMINED)
     lines = pinhole_lines(calibration.camera, list(observed.values()))
     views = [v for v in corner_set.views if v.name in observed]
     if strange:
@@ -143,16 +142,13 @@ def evaluate(
         heldout, reason = heldout_rms(camera_residuals(calibration), split.test), NO_BOARD_LOCATED
     else:
         split = alternating_split(corner_set, views)
-        heldout, reason = _heldout(recalibrate, corner_set, [split]) if recalibrate else (None, NOT_ASKED)
-    kfold_px = _heldout(recalibrate, corner_set, folds(corner_set, views, FOLDS))[0] if recalibrate and kfold else None
+        heldout, reason = _heldout(recalibrate, corner_set, [split])
+    kfold_px = _heldout(recalibrate, corner_set, folds(corner_set, views, FOLDS))[0] if kfold else None
     opencv = _opencv(corner_set, mapped, split) if compare_opencv else {}
     measured = {name: _measured(o, calibration) for name, o in observed.items()}
     return Evaluation(
         calibration,
-        tuple(
-            _board_score(board, measured.get(board.name), notes.get(board.name, ""), wrong.counts.get(board.name, 0))
-            for board in mapped
-        ),
+        _board_scores(mapped, measured, notes, wrong.counts),
         observed,
         _pooled(list(measured.values())),
         _pooled([m for name, m in measured.items() if name != calibration.reference]),
@@ -174,16 +170,21 @@ def _numbered(calibration: Calibration, corner_set: CornerSet) -> Numbered:
 
 
 def unseen(calibration: Calibration, corner_set: CornerSet) -> bool:
-    """Whether the calibration was made from none of these views."""
+    """Whether ``calibration`` was made from none of the views of ``corner_set``."""
     known = {view.name: view for view in calibration.corner_set.found}
     return not any(
         view.name in known and np.array_equal(view.uv, known[view.name].uv) for view in corner_set.found
     )
 
 
+def _unscorable(mapped: Sequence[MappedBoard], remedy: str) -> CalibrationError:
+    reasons = sorted({board.reason for board in mapped if board.corners}) or ["no board was found"]
+    return CalibrationError(f"none of the {len(mapped)} images can be scored ({reasons[0]}): {remedy}")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Measured:
-    """One board: CE of its lines, RE closed-form and refined in %, residuals (n, 2) px of the refined pose."""
+    """Measures of one board: CE of its ``lines``, RE in %, and ``residuals`` (n, 2) px of the refined pose."""
 
     lines: Floats
     re_percent: float
@@ -197,6 +198,15 @@ def _measured(observed: ObservedBoard, calibration: Calibration) -> _Measured:
         closed_form_percent(observed, calibration.closed_form or calibration.camera.intrinsics),
         refined_percent(observed),
         observed.residual_px,
+    )
+
+
+def _board_scores(
+    mapped: Sequence[MappedBoard], measured: Mapping[str, _Measured], notes: Mapping[str, str], wrong: Mapping[str, int]
+) -> tuple[BoardScore, ...]:
+    return tuple(
+        _board_score(board, measured.get(board.name), notes.get(board.name, ""), wrong.get(board.name, 0))
+        for board in mapped
     )
 
 
@@ -219,24 +229,24 @@ def _pooled(boards: Sequence[_Measured]) -> Pooled:
 
 
 def _heldout(
-    recalibrate: Recalibrate, corner_set: CornerSet, splits: Sequence[Split]
+    recalibrate: Recalibrate | None, corner_set: CornerSet, splits: Sequence[Split]
 ) -> tuple[float | None, str]:
-    """Pooled held-out RMS over ``splits``, or None and why."""
+    """Pooled held-out RMS in px over ``splits``, or None and the reason."""
     squares, count = 0.0, 0
-    if not splits:
+    if recalibrate is None:
+        return None, NOT_REQUESTED
+    if not splits or not all(split.test for split in splits):
         return None, "too few boards to hold some out"
     for split in splits:
-        if not split.test:
-            return None, "too few boards to hold some out"
         try:
             trained = recalibrate(corner_set.with_views(split.train), split.train[0].name)
         except PinholifyError as error:
             return None, f"half of the boards do not determine a camera: {error}"
         except np.linalg.LinAlgError:
-            return None, "half of the boards do not determine a camera: they lead to equations without a solution"
+            return None, "half of the boards do not determine a camera: the equations have no solution"
         value, points = heldout_rms(camera_residuals(trained), split.test), sum(len(b.uv) for b in split.test)
         if value is None:
-            return None, "a held-out board could not be located by the camera that the others make"
+            return None, "a held-out board could not be located by the camera made from the others"
         squares, count = squares + value**2 * points, count + points
     return float(np.sqrt(squares / count)), ""
 

@@ -1,4 +1,4 @@
-"""Is it good? One plain sentence, and what it rests on."""
+"""The verdict on a calibration: good, fair or poor, the reasons for it, and the tests behind them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
 from pinholify.evaluation.shared_error import shared_error_of
-from pinholify.evaluation.summary import NOT_ASKED, Evaluation
+from pinholify.evaluation.summary import NOT_REQUESTED, Evaluation
 from pinholify.evaluation.wrong_corners import MANY, TOO_MANY
 from pinholify.refinement.diagnosis import (
     BoardSuspicion,
@@ -24,22 +24,26 @@ from pinholify.refinement.diagnosis import (
 )
 from pinholify.refinement.sharing import SharedError
 
-POOR_PX, POOR_RATIO = 1.0, 4.0  # held-out error: in px, and times what the noise alone would leave
+POOR_PX, POOR_RATIO = 1.0, 4.0  # held-out error: in px, and as a multiple of what noise alone would leave
 FAIR_RATIO = 1.5
-USUAL_PX, ROUGH_PX = 0.3, 0.5  # noise of a corner per axis: at most so much is usual; not even blur explains more
+USUAL_PX, ROUGH_PX = 0.3, 0.5  # corner noise per axis: the most that is usual, and more than even blur explains
 POOR_FOCAL = 0.02  # relative standard deviation of f
 ENOUGH_COVERAGE = 0.6
 STRUCTURED = 0.01  # p-value
-ALIKE = 1e-4  # p-value: wrong corners that err alike are no chance errors, and hide what the camera does not explain
+ALIKE = 1e-4  # p-value: wrong corners with a common error did not arise by chance but through a fault of the camera
 WRONG_RATIO = 2.0  # times the residuals of the other boards
-FINEST_PX = 0.03  # a point: corners are found no finer even in faultless pictures, so that less says nothing
-ROUGH = "blurred photographs, a board that is bent, or two cameras?"
+FINEST_PX = 0.03  # per point: corners cannot be located more finely even in perfect pictures, so less means nothing
+ROUGH = "(blurred photographs, a bent board, or two cameras?)"
 GRID = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Residuals:
-    """Residuals of an evaluation, as :mod:`pinholify.refinement.diagnosis` wants them."""
+class CornerResiduals:
+    """Residuals of an evaluation in the form that :mod:`pinholify.refinement.diagnosis` requires.
+
+    Per view name, ``residuals`` (n, 2) in px and ``inliers`` (n,), the mask of the corners to use. ``noise_px`` is the
+    standard deviation of a corner of weight one, per axis.
+    """
 
     residuals: Mapping[str, Floats]
     inliers: Mapping[str, Bools]
@@ -48,16 +52,22 @@ class Residuals:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Verdict:
-    """``level`` is good, fair or poor; ``sentence`` says why.
+    """``level`` is good, fair or poor.
 
-    ``structure`` tests whether residuals close together are alike, ``shared`` whether those of each corner of the board
-    are, ``left_out`` whether the wrong corners, which are in no measure, err alike. ``coverage`` is the share of the
-    image in the camera's domain, ``suspicious`` are boards whose residuals are too large, ``next_board`` is
-    where one more photograph would help most (joint cameras alone).
+    ``headline`` gives the held-out error and the uncertainty of f, ``reasons`` are the remarks on them, and ``advice``
+    says where to photograph the next board: clauses without a capital or a full stop, of which :attr:`sentence` is
+    composed.
+
+    ``structure`` tests the residuals for spatial correlation, ``left_out`` those of the wrong corners, which no measure
+    counts; ``shared`` tests for an error that each corner of the board has on every photograph. ``coverage`` is the
+    share of the image in the camera's domain, ``suspicious`` are boards whose residuals are too large, and
+    ``next_board`` is where one more photograph would help most (joint cameras only).
     """
 
     level: str
-    sentence: str
+    headline: str
+    reasons: tuple[str, ...]
+    advice: str | None
     structure: Structure
     coverage: float
     suspicious: tuple[BoardSuspicion, ...]
@@ -65,28 +75,32 @@ class Verdict:
     left_out: Structure
     shared: SharedError
 
+    @property
+    def sentence(self) -> str:
+        """The whole verdict as one sentence: level, headline, reasons and advice."""
+        clauses = (self.headline, *self.reasons, *([] if self.advice is None else [self.advice]))
+        return f"{self.level.capitalize()}: {'; '.join(clauses)}."
+
 
 def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
-    """The verdict on an ``evaluation`` of a calibration with ``corner_set``."""
+    """The verdict on the ``evaluation`` of a calibration on ``corner_set``."""
     camera = evaluation.calibration.camera
     seen = residuals_of(evaluation, corner_set)
     structure = structure_of(seen, corner_set)
     suspicious = tuple(s for s in suspicious_boards(seen, corner_set) if s.ratio > WRONG_RATIO)
     covered = coverage(camera)
-    advice = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
+    best = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
     left_out = structure_of(errors_left_out(evaluation, corner_set), corner_set)
     shared = shared_error_of(evaluation.calibration, evaluation.observed.values())
     level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, left_out, suspicious)
     reasons += _remarks(evaluation, structure, shared)
-    sentence = f"{level.capitalize()}: {_held_out(evaluation)}, {_known(evaluation)}"
-    sentence += "".join(f"; {reason}" for reason in reasons)
-    if advice is not None:
-        sentence += f"; to gain most, photograph the board {place(advice, camera.image_size)}"
-    return Verdict(level, sentence + ".", structure, covered, suspicious, advice, left_out, shared)
+    headline = f"{_held_out(evaluation)}, {_known(evaluation)}"
+    advice = None if best is None else f"for the largest gain, photograph the board {place(best, camera.image_size)}"
+    return Verdict(level, headline, tuple(reasons), advice, structure, covered, suspicious, best, left_out, shared)
 
 
-def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
-    """Residuals (n, 2) px beside all corners of each counted view, nan (and no inlier) where a corner did not count."""
+def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> CornerResiduals:
+    """Residuals (n, 2) px of all corners of each counted view; nan (and no inlier) where a corner does not count."""
     residuals, inliers = {}, {}
     for view in corner_set.views:
         observed = evaluation.observed.get(view.name)
@@ -97,21 +111,21 @@ def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
         each = np.full((len(view), 2), np.nan)
         each[counted] = observed.residual_px
         residuals[view.name], inliers[view.name] = each, counted & np.isfinite(each).all(axis=1)
-    # A board can only look wrong beside the others: where they all misfit it is the camera that does.
+    # A board is suspicious only in comparison with the others: where all of them misfit, the camera is at fault.
     typical = [np.sqrt((residuals[n][keep] ** 2).mean()) for n, keep in inliers.items() if keep.any()]
     noise = evaluation.calibration.camera.noise_px
-    return Residuals(residuals, inliers, max([float(np.median(typical or 0.0)), noise, FINEST_PX / np.sqrt(2.0)]))
+    return CornerResiduals(residuals, inliers, max([float(np.median(typical or 0.0)), noise, FINEST_PX / np.sqrt(2.0)]))
 
 
-def structure_of(seen: Residuals, corner_set: CornerSet) -> Structure:
-    """Whether residuals close together are alike; no structure where there is nothing to see."""
+def structure_of(seen: CornerResiduals, corner_set: CornerSet) -> Structure:
+    """Spatial correlation of the residuals; none where no board counts."""
     return residual_structure(seen, corner_set) if seen.residuals else Structure(0.0, 1.0)
 
 
-def errors_left_out(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
-    """Directions (unit vectors) in which the wrong corners of counted views err: chance errors share none.
+def errors_left_out(evaluation: Evaluation, corner_set: CornerSet) -> CornerResiduals:
+    """Directions (n, 2) of the errors of the wrong corners of counted views, which chance would make independent.
 
-    Of length one, so that the grossest do not drown the others.
+    Unit vectors divided by the corners' weights, so that the largest errors do not dominate.
     """
     calibration, directions, wrong = evaluation.calibration, {}, {}
     for view in corner_set.views:
@@ -123,12 +137,13 @@ def errors_left_out(evaluation: Evaluation, corner_set: CornerSet) -> Residuals:
             error = calibration.camera.project(points) - view.uv
         each = error / np.linalg.norm(error, axis=1, keepdims=True) / view.weights[:, None]
         directions[view.name], wrong[view.name] = each, mask & np.isfinite(each).all(axis=1)
-    return Residuals(directions, wrong, 1.0)
+    return CornerResiduals(directions, wrong, 1.0)
 
 
 def noise_floor(evaluation: Evaluation, corner_set: CornerSet) -> float:
-    """What the corners' noise, and boards that moved, leave of any camera, px a point: √2 times the std of a corner of
-    typical weight.
+    """The error that corner noise and board motion leave in any camera, px per point.
+
+    It is √2 times the standard deviation of a corner of typical weight.
     """
     weights = np.concatenate([view.weights for view in evaluation.wrong.left_out_of(corner_set).found])
     error = np.hypot(evaluation.calibration.camera.noise_px, motion(evaluation.calibration))
@@ -137,24 +152,35 @@ def noise_floor(evaluation: Evaluation, corner_set: CornerSet) -> float:
 
 def coverage(camera: VirtualCamera) -> float:
     """The share of the image in the domain of ``camera``, where corners count."""
-    u, v = ((np.arange(GRID) + 0.5) * extent / GRID - 0.5 for extent in camera.image_size)  # middles of equal cells
-    return float(camera.inside(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)).mean())
+    return float(camera.inside(cell_centres(camera.image_size, GRID, GRID)).mean())
+
+
+def cell_centres(image_size: tuple[int, int], columns: int, rows: int) -> Floats:
+    """Centres (rows × columns, 2) px, row by row, of equal cells that tile an image.
+
+    Pixel centres are integers, so an image of width w spans −0.5 to w − 0.5.
+    """
+    u, v = (
+        (np.arange(count) + 0.5) * extent / count - 0.5
+        for extent, count in zip(image_size, (columns, rows), strict=True)
+    )
+    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
 def motion(calibration: Calibration) -> float:
-    """By how many px, rms an axis, its boards moved while the shutter rolled, beyond what a pose makes good."""
+    """RMS displacement, px per axis, of corners by board motion during a rolling shutter, beyond what poses absorb."""
     moved = calibration.details.get("motion_px")
     return float(moved) if isinstance(moved, (int, float)) else 0.0
 
 
 def disagreement(calibration: Calibration) -> float:
-    """How many times more the boards pull a joint camera apart than their corners' noise explains; 1 if no more."""
+    """The disagreement of a joint camera's boards as a multiple of what corner noise explains; at least 1."""
     factor = calibration.details.get("disagreement")
     return float(factor) if isinstance(factor, (int, float)) else 1.0
 
 
 def place(advice: NextBoard, image_size: tuple[int, int]) -> str:
-    """Where in the image, in words: ``at the upper left``."""
+    """Where in the image ``advice`` lies, in words such as ``at the upper left``."""
     x, y = advice.outline.mean(axis=0) / image_size
     column = "left" if x < 0.4 else "right" if x > 0.6 else ""
     row = "upper" if y < 0.4 else "lower" if y > 0.6 else ""
@@ -171,9 +197,12 @@ def _level(
     left_out: Structure,
     suspicious: tuple[BoardSuspicion, ...],
 ) -> tuple[str, list[str]]:
-    """The level, and the reasons for it: the noise ``floor`` is a yardstick only as far as it is that of corners."""
+    """The level and the reasons for it.
+
+    A large ``floor`` excuses no error: beyond usual corner noise it is misfit that the solve took for noise.
+    """
     heldout = evaluation.heldout_px
-    unknown = heldout is None and evaluation.heldout_reason != NOT_ASKED
+    unknown = heldout is None and evaluation.heldout_reason != NOT_REQUESTED
     error = evaluation.pooled.re_px if heldout is None else heldout
     noise = floor / np.sqrt(2.0)
     off = error > max(POOR_PX, POOR_RATIO * np.sqrt(2.0) * min(noise, USUAL_PX))
@@ -182,71 +211,75 @@ def _level(
     hidden = evaluation.wrong.share > (MANY if alike else TOO_MANY)
     reasons = []
     if error > FAIR_RATIO * max(floor, FINEST_PX):
-        alone = "noise and its boards' motion" if motion(evaluation.calibration) > 0.0 else "noise"
-        reasons.append(f"its corners' {alone} alone would leave {floor:.2f} px")
+        alone = "noise and board motion" if motion(evaluation.calibration) > 0.0 else "noise"
+        reasons.append(f"corner {alone} alone would leave {floor:.2f} px")
     if noise > ROUGH_PX:
-        reasons.append(f"its corners scatter by {noise:.2g} px, {USUAL_PX:g} or less is usual: {ROUGH}")
+        reasons.append(f"corner noise is {noise:.2g} px per axis, where {USUAL_PX:g} px or less is usual {ROUGH}")
     if covered < ENOUGH_COVERAGE:
         reasons.append(f"boards cover only {100 * covered:.0f} % of the image")
     if evaluation.calibration.details.get("too_few_boards"):
-        reasons.append("its boards differ as if they had moved or were uneven, which more photographs would tell")
+        reasons.append(
+            "the boards disagree, through motion or an uneven board: a few more photographs would show which"
+        )
     if suspicious:
-        reasons.append(f"boards that look wrong: {', '.join(s.name for s in suspicious[:3])}")
+        reasons.append(f"suspicious boards: {', '.join(s.name for s in suspicious[:3])}")
     if evaluation.wrong.crowded:
         reasons.append(f"boards with too many wrong corners: {', '.join(evaluation.wrong.crowded[:3])}")
     if alike:
-        reasons.append(f"corners taken for wrong err alike (p = {left_out.p_value:.1g}): maybe it is the camera")
+        reasons.append(
+            f"the wrong corners share a common error (p = {left_out.p_value:.1g}): the camera model may be at fault"
+        )
     level = "poor" if unknown or off or not known or hidden else "fair" if reasons else "good"
     return level, reasons
 
 
 def _remarks(evaluation: Evaluation, structure: Structure, shared: SharedError) -> list[str]:
-    """What is said beside the reasons for the level."""
+    """Remarks that do not affect the level."""
     remarks = []
     if evaluation.wrong.share > MANY:
         remarks.append(_left_out(evaluation))
     if structure.p_value < STRUCTURED:
-        remarks.append(f"residuals still hang together over the image (p = {structure.p_value:.1g})")
+        remarks.append(f"residuals are spatially correlated (p = {structure.p_value:.1g})")
     if shared.p_value < STRUCTURED and shared.rms_px > FINEST_PX:
         remarks.append(
-            f"the corners are off alike on every board, by {shared.rms_px:.2g} px (p = {shared.p_value:.1g}): is the "
-            "board flat and printed true?"
+            f"each corner of the board has the same error on every photograph, {shared.rms_px:.2g} px "
+            f"(p = {shared.p_value:.1g}): check that the board is flat and accurately printed"
         )
     moved = motion(evaluation.calibration)
     if np.sqrt(2.0) * moved > FINEST_PX:
         remarks.append(
-            f"the boards moved by {moved:.2g} px while the shutter rolled, which is allowed for: hold camera and board "
-            "still for more"
+            f"the boards moved by {moved:.2g} px during the rolling shutter, which is modelled: keep camera and board "
+            "still for a better result"
         )
     factor = disagreement(evaluation.calibration)
     if factor > 1.0:
         remarks.append(
-            f"its boards disagree {factor:.2g} times as much as their corners' noise explains (bent, blurred or moving "
-            "boards?): the error bars count that"
+            f"the boards disagree {factor:.2g} times as much as corner noise explains (bent, blurred or moving "
+            "boards?): the error bars include this"
         )
     return remarks
 
 
 def _left_out(evaluation: Evaluation) -> str:
     wrong = evaluation.wrong
-    said = f"{wrong.count} of {wrong.found} corners are wrong and were left out"
-    return f"{said}, too many to be wrong corners alone" if wrong.share > TOO_MANY else said
+    remark = f"{wrong.count} of {wrong.found} corners are wrong and were left out"
+    return f"{remark}, too many to be wrong corners alone" if wrong.share > TOO_MANY else remark
 
 
 def _held_out(evaluation: Evaluation) -> str:
-    if evaluation.heldout_reason == NOT_ASKED:
-        return f"its own photographs are off by {evaluation.pooled.re_px:.2f} px (a held-out error was not asked for)"
+    if evaluation.heldout_reason == NOT_REQUESTED:
+        return f"in-sample error {evaluation.pooled.re_px:.2f} px (no held-out error was requested)"
     if evaluation.heldout_px is None:
-        return f"no held-out error is known ({evaluation.heldout_reason})"
-    if _imported(evaluation):  # its file does not tell what it was made of
-        return f"these photographs, which it may have seen or not, are off by {evaluation.heldout_px:.2f} px"
-    return f"photographs it has not seen are off by {evaluation.heldout_px:.2f} px"
+        return f"no held-out error ({evaluation.heldout_reason})"
+    if _imported(evaluation):  # its file does not list the photographs it was made from
+        return f"error {evaluation.heldout_px:.2f} px on these photographs, which it may have been made from"
+    return f"held-out error {evaluation.heldout_px:.2f} px"
 
 
 def _known(evaluation: Evaluation) -> str:
     if _imported(evaluation):
-        return "how well f is known is not in its file"
-    return f"f is known to {100 * _focal(evaluation):.2g} %"
+        return "the file gives no uncertainty of f"
+    return f"f known to {100 * _focal(evaluation):.2g} %"
 
 
 def _imported(evaluation: Evaluation) -> bool:

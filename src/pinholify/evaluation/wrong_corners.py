@@ -1,7 +1,7 @@
-"""Corners that belong to no board: those that the joint refinement found grossly wrong and left out of its fit.
+"""Wrong corners: those that the joint refinement rejected as gross errors.
 
-They are left out of every measure too, and for every method alike, since they say nothing of a camera; but never
-silently: what a bad camera cannot explain must not pass for wrong corners.
+They carry no information about a camera, so every measure of every method leaves them out, but never silently: what a
+bad camera cannot explain must not pass for wrong corners.
 """
 
 from __future__ import annotations
@@ -16,38 +16,38 @@ from pinholify.arrays import Bools
 from pinholify.calibration.result import Calibration
 from pinholify.corners import Corners, CornerSet
 
-MANY = 0.02  # of all corners: more than a detector that suits its board gets wrong
-TOO_MANY = 0.10  # half of the share of chance errors at which cameras begin to suffer from them
-UNLIKELY = 1e-4  # probability of so many on any board
-NAMED = 8  # images in a sentence
+MANY = 0.02  # of all corners: more than a suitable detector gets wrong
+TOO_MANY = 0.10  # half of the share of random gross errors that begins to affect the camera
+UNLIKELY = 1e-4  # probability that any board has so many
+NAMED = 8  # images listed in a sentence
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WrongCorners:
-    """``masks`` (n,) mark the wrong ones beside the corners of each view that has any; ``found`` corners are in all."""
+    """``masks`` (n,) of the wrong corners of each view that has any, of ``found`` corners in all."""
 
     masks: Mapping[str, Bools]
     found: int
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many each image has, the worst first."""
+        """The number of wrong corners by image, the worst first."""
         counted = {name: int(mask.sum()) for name, mask in self.masks.items()}
         return dict(sorted(counted.items(), key=lambda each: -each[1]))
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """The number of wrong corners."""
         return sum(self.counts.values())
 
     @property
     def share(self) -> float:
-        """Their fraction of all corners."""
+        """The fraction of all corners that are wrong."""
         return self.count / max(self.found, 1)
 
     @property
     def crowded(self) -> tuple[str, ...]:
-        """Images with too many, and with more than chance gives a board where the others have as few as they have."""
+        """Images with too many wrong corners, and significantly more than the other images."""
         return tuple(name for name in self.counts if self._crowds(self.masks[name]))
 
     def _crowds(self, mask: Bools) -> bool:
@@ -57,19 +57,19 @@ class WrongCorners:
         return count > TOO_MANY * size and chance * len(self.masks) < UNLIKELY
 
     def belonging(self, view: Corners) -> Bools:
-        """Which corners (n,) of ``view`` are not wrong."""
+        """Mask (n,) of the corners of ``view`` that are not wrong."""
         mask = self.masks.get(view.name)
         return np.ones(len(view), dtype=bool) if mask is None else ~mask
 
     def left_out_of(self, corner_set: CornerSet) -> CornerSet:
-        """``corner_set`` without them."""
+        """``corner_set`` without the wrong corners."""
         return corner_set.with_views(view.select(self.belonging(view)) for view in corner_set.views)
 
 
 def wrong_corners(calibration: Calibration, corner_set: CornerSet) -> WrongCorners:
-    """The corners of ``corner_set`` that the fit of ``calibration`` left out as grossly wrong.
+    """The corners of ``corner_set`` that the fit of ``calibration`` rejected as grossly wrong.
 
-    Of views that it did not see nothing is known, nor by a method that looks for none.
+    There are none in views that it was not made from, nor for a method that rejects no corners.
     """
     table = calibration.details.get("wrong_corners")
     named = table if isinstance(table, dict) else {}
@@ -87,11 +87,11 @@ def _same(view: Corners, other: Corners) -> bool:
 
 
 def sentences(wrong: WrongCorners) -> tuple[str, ...]:
-    """How many were left out and of which images, and what it means when there are many; none where none was."""
-    return tuple(f"{said}." for said in (_told(wrong), _meaning(wrong)) if said)
+    """How many corners were left out, of which images, and what it means if they are many; empty if there are none."""
+    return tuple(f"{clause}." for clause in (_counted(wrong), _meaning(wrong)) if clause)
 
 
-def _told(wrong: WrongCorners) -> str:
+def _counted(wrong: WrongCorners) -> str:
     if not wrong.count:
         return ""
     verbs = ("is", "was") if wrong.count == 1 else ("are", "were")
@@ -107,11 +107,11 @@ def _meaning(wrong: WrongCorners) -> str:
     if wrong.share > TOO_MANY:
         return (
             f"That is {100 * wrong.share:.0f} %, too many to be wrong corners alone: either the table or the detection "
-            "is no good, or the camera does not explain what it was made from"
+            "is bad, or the camera does not fit its own photographs"
         )
     if wrong.share > MANY:
         return (
-            f"That is {100 * wrong.share:.1f} %, more than a good detection gets wrong: look at these photographs, and "
-            "at what found their corners"
+            f"That is {100 * wrong.share:.1f} %, more than good detection gets wrong: check these photographs and the "
+            "detector that found their corners"
         )
     return ""

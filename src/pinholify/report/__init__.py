@@ -1,4 +1,4 @@
-"""A report of a calibration that one wants to read: what it says, and the formats it is written in.
+"""Reports of a calibration: their contents, and the formats they are written in.
 
 ::
 

@@ -1,4 +1,4 @@
-"""Each photograph: what was found in it, how well it fits, whether it counts, and why not."""
+"""The photographs of a calibration: what was found in each, how well it fits, and why it does not count if so."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pinholify.calibration.result import Calibration
 from pinholify.corners import Corners
 from pinholify.evaluation.measures import rms
 from pinholify.evaluation.summary import BoardScore, Evaluation
-from pinholify.evaluation.verdict import Residuals, Verdict
+from pinholify.evaluation.verdict import CornerResiduals, Verdict
 from pinholify.report.pictures import Picture, Pictures
 
 NOT_FITTED = "it was left out of the fit"
@@ -22,11 +22,12 @@ NOT_FITTED = "it was left out of the fit"
 class BoardEntry:
     """One photograph of the calibration.
 
-    ``corners`` (n, 2) px with their ``residuals`` (n, 2) px, nan where a corner did not count (``counted`` (n,)).
-    ``dropped`` corners, those of ``wrong`` (n,), were found wrong by the fit and are in no number; ``crowded`` tells
-    whether they are far more than on the others. ``rms_px`` and ``worst_px`` are per point; ``ratio`` tells by how much
-    a board that looks wrong exceeds the noise. ``distance`` (squares) and ``tilt_degrees`` are of its middle and its
-    plane against the line of sight to it. ``note`` says what was done to its corners.
+    ``corners`` (n, 2) px with their ``residuals`` (n, 2) px, nan where a corner does not count (``counted`` (n,)).
+    The ``dropped`` corners, those of the mask ``wrong`` (n,), were rejected by the fit and are in no number;
+    ``crowded`` marks a photograph with far more of them than the others. ``rms_px`` and ``worst_px`` are per point;
+    ``ratio`` is the misfit of a suspicious board as a multiple of the noise. ``distance`` in squares is that of the
+    board's centre, ``tilt_degrees`` the angle of its normal to the line of sight. ``note`` says how its corners were
+    changed.
     """
 
     name: str
@@ -53,9 +54,9 @@ class BoardEntry:
 
 
 def boards_of(
-    evaluation: Evaluation, verdict: Verdict, seen: Residuals, pictures: Pictures
+    evaluation: Evaluation, verdict: Verdict, seen: CornerResiduals, pictures: Pictures
 ) -> tuple[BoardEntry, ...]:
-    """An entry a photograph, in their order."""
+    """One entry per photograph, in the order of the views."""
     ratios = {suspicion.name: suspicion.ratio for suspicion in verdict.suspicious}
     views = evaluation.calibration.corner_set.views
     return tuple(
@@ -68,7 +69,7 @@ def _entry(
     evaluation: Evaluation,
     view: Corners,
     score: BoardScore,
-    seen: Residuals,
+    seen: CornerResiduals,
     ratio: float | None,
     thumbnail: Picture | None,
 ) -> BoardEntry:
@@ -77,7 +78,7 @@ def _entry(
     residuals = seen.residuals.get(view.name, np.full((len(view), 2), np.nan))
     counted = seen.inliers.get(view.name, np.zeros(len(view), dtype=bool))
     lengths = np.linalg.norm(residuals[counted], axis=1)
-    distance, tilt = _stands(calibration, evaluation.observed.get(view.name))
+    distance, tilt = _distance_and_tilt(calibration, evaluation.observed.get(view.name))
     return BoardEntry(
         view.name,
         score.used and left_out is None,
@@ -104,13 +105,13 @@ def _entry(
 
 
 def _named(calibration: Calibration, key: str) -> dict[str, int | str]:
-    """A table of the calibration's details by image; empty where its method has none."""
+    """The table ``key`` by image in the calibration's details; empty if its method has none."""
     table = calibration.details.get(key)
     return table if isinstance(table, dict) else {}
 
 
-def _stands(calibration: Calibration, observed: ObservedBoard | None) -> tuple[float | None, float | None]:
-    """Distance of a board's middle in squares, and the angle between its normal and the line of sight, degrees."""
+def _distance_and_tilt(calibration: Calibration, observed: ObservedBoard | None) -> tuple[float | None, float | None]:
+    """Distance of a board's centre in squares, and the angle of its normal to the line of sight in degrees."""
     if observed is None:
         return None, None
     middle = observed.refined.apply(calibration.board_points.mean(axis=0, keepdims=True))[0]

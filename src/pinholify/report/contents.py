@@ -1,11 +1,11 @@
-"""What a report says: a frozen value, computed once, that every format renders."""
+"""The contents of a report: a frozen value, computed once, that every format renders."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from pinholify import __version__
-from pinholify.evaluation.summary import NOT_ASKED, Evaluation, OpenCVScore
+from pinholify.evaluation.summary import NOT_REQUESTED, Evaluation, OpenCVScore
 from pinholify.evaluation.verdict import Verdict, residuals_of
 from pinholify.report.boards import BoardEntry, boards_of
 from pinholify.report.maps import (
@@ -28,9 +28,9 @@ from pinholify.report.usage import Snippet, snippets
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Errors in px a point of this camera and of OpenCV's ``models``, on the same corners, all counted alike.
+    """Errors in px per point of this camera and of OpenCV's ``models`` on the same corners, with equal weights.
 
-    ``heldout_px`` is on photographs left out of the fit; None (and ``heldout_reason``) where there is none.
+    ``heldout_px`` is the error on photographs left out of the fit; None with ``heldout_reason`` if there is none.
     """
 
     method: str
@@ -44,9 +44,10 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Report:
-    """A calibration, told. Lengths in squares and px, angles in degrees; ``image_size`` (width, height) px.
+    """A calibration as a report presents it. Lengths in squares or px, angles in degrees.
 
-    ``board`` is the board's description; ``missing`` are sentences about what could not be shown and how to get it.
+    ``image_size`` is (width, height) in px, ``board`` the board's description; ``missing`` are sentences on what could
+    not be shown and how to get it.
     """
 
     software: str
@@ -71,10 +72,10 @@ class Report:
 def make_report(
     evaluation: Evaluation, verdict: Verdict, provenance: Provenance, pictures: Pictures | None = None
 ) -> Report:
-    """The report of a calibration ``evaluation`` on its own corners, and the ``verdict`` on it.
+    """The report of an ``evaluation`` of a calibration on its own corners, with the ``verdict`` on it.
 
     ``pictures`` are its photographs (:func:`~pinholify.report.pictures.read_pictures`); without them the report says
-    what is missing. Pure: reads no file.
+    what is missing. Reads no files.
     """
     calibration = evaluation.calibration
     pictures = Pictures() if pictures is None else pictures
@@ -119,21 +120,21 @@ def _missing(evaluation: Evaluation, pictures: Pictures, file: str) -> list[str]
     sentences = []
     if not pictures.thumbnails:
         sentences.append(
-            "The photographs were not at hand, so there is no straightened picture, and boards are drawn without "
-            f"their photographs; give them: pinholify report {file} PHOTOGRAPHS -o report.html."
+            "The photographs were not available, so no straightened picture is shown and boards are drawn without "
+            f"their photographs. To include them: pinholify report {file} PHOTOGRAPHS -o report.html."
         )
     elif len(pictures.thumbnails) < len(views):
         names = [view.name for view in views if view.name not in pictures.thumbnails]
         others = f" and {len(names) - 3} more" if len(names) > 3 else ""
         sentences.append(
-            f"{len(names)} of the {len(views)} photographs are missing here ({', '.join(names[:3])}{others}); "
-            "give them all to see them."
+            f"{len(names)} of the {len(views)} photographs are missing ({', '.join(names[:3])}{others}); "
+            "give all of them to include them."
         )
     if evaluation.heldout_px is None:
-        asked = "; leave out --no-heldout to have it" if evaluation.heldout_reason == NOT_ASKED else ""
-        sentences.append(f"There is no held-out error: {evaluation.heldout_reason}{asked}.")
+        remedy = "; leave out --no-heldout to compute it" if evaluation.heldout_reason == NOT_REQUESTED else ""
+        sentences.append(f"There is no held-out error: {evaluation.heldout_reason}{remedy}.")
     if evaluation.lines is None:
         sentences.append("The lines of sight are not drawn: they need at least three boards that count.")
     if not evaluation.opencv:
-        sentences.append("OpenCV's models were not fitted to compare with; leave out --no-opencv to see them.")
+        sentences.append("OpenCV's models were not fitted for comparison; leave out --no-opencv to include them.")
     return sentences

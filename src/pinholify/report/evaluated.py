@@ -1,31 +1,41 @@
-"""A calibration scored on its own corners, as a report wants it."""
+"""A calibration scored on the corners it was made from."""
 
 from __future__ import annotations
 
 from pinholify.calibration.result import Calibration
 from pinholify.corners import CornerSet
 from pinholify.errors import InputError
-from pinholify.evaluation.summary import Evaluation, evaluate
+from pinholify.evaluation.summary import Evaluation, Recalibrate, evaluate
 from pinholify.evaluation.verdict import Verdict, judge
 from pinholify.pipeline import calibrate
 
 
 def evaluated(calibration: Calibration, *, opencv: bool = True, heldout: bool = True) -> tuple[Evaluation, Verdict]:
-    """Evaluation of ``calibration`` on the corners it was made from, and the verdict.
+    """Evaluate ``calibration`` on the corners it was made from, and judge it.
 
-    ``opencv`` fits OpenCV's models beside it; ``heldout`` calibrates half of the boards anew, in the same way. Raises
-    InputError for a camera that was made from no corners (an imported one), CalibrationError where no board can be
-    scored.
+    ``opencv`` also fits OpenCV's models; ``heldout`` calibrates again on half of the boards. Raises InputError for a
+    camera that was made from no corners (an imported one), CalibrationError where no board can be scored.
     """
     if not calibration.corner_set.found:
         raise InputError(
-            f"the camera was made from no photographs ({calibration.method}), so there is nothing to report on; see "
-            "how good it is on photographs of a board with 'pinholify evaluate'"
+            f"the camera was made from no photographs ({calibration.method}), so there is nothing to report on; score "
+            "it on photographs of a board with 'pinholify evaluate'"
         )
+    corners = calibration.corner_set
+    recalibrate = recalibrator(calibration) if heldout else None
+    evaluation = evaluate(calibration, corners, recalibrate=recalibrate, compare_opencv=opencv)
+    return evaluation, judge(evaluation, corners)
 
-    def again(part: CornerSet, reference: str) -> Calibration:
+
+def recalibrator(calibration: Calibration) -> Recalibrate:
+    """Calibrates other corners as ``calibration`` was made: with its method, kernel and handedness.
+
+    The joint method chooses its trend again; the one-image method keeps that of ``calibration``.
+    """
+
+    def recalibrate(corners: CornerSet, reference: str) -> Calibration:
         return calibrate(
-            part,
+            corners,
             reference=reference,
             method=calibration.method,
             kernel=calibration.kernel,
@@ -33,6 +43,4 @@ def evaluated(calibration: Calibration, *, opencv: bool = True, heldout: bool = 
             mirrored=calibration.camera.mirrored,
         )
 
-    corners = calibration.corner_set
-    evaluation = evaluate(calibration, corners, recalibrate=again if heldout else None, compare_opencv=opencv)
-    return evaluation, judge(evaluation, corners)
+    return recalibrate

@@ -1,4 +1,4 @@
-"""Over the image: where boards were seen, how well the map is known, and what the residuals leave."""
+"""Maps over the image: where boards were seen, how well the map is known, and the residuals."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from pinholify.arrays import Floats
 from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera
 from pinholify.evaluation.measures import rms
-from pinholify.evaluation.verdict import Residuals, Verdict
+from pinholify.evaluation.verdict import CornerResiduals, Verdict
 from pinholify.geometry import convex_hull
 from pinholify.rectification.trust import believable_share
 from pinholify.report.contours import Polygons, grid_pixels, region_inside, regions_above
+from pinholify.report.numerals import round_down
 
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # px
-UNKNOWN = 1e9  # px, where the camera has no answer
+UNKNOWN = 1e9  # px: stands for a standard deviation that does not exist
 CELLS = 16  # along the image's longer side
 FEWEST_IN_CELL = 3
-SHOWN_ARROW = 0.8  # of a cell: how long the longest arrow of the residual field is drawn
+SHOWN_ARROW = 0.8  # length of the longest arrow of the residual field as drawn, as a fraction of a cell
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coverage:
-    """Outlines (n, 2) px: of each counted board's corners, of the camera's domain, of the best next board.
+    """Outlines (n, 2) px of the camera's domain (``believed``), each counted board's corners and the best next board.
 
-    ``share`` is the part of the image in the domain, ``shown`` the part that straightened pictures show: where the map
-    is known to ``limit_px``, or all of the domain where that is infinite.
+    ``share`` is the fraction of the image in the domain, ``shown`` the fraction that straightened pictures show: where
+    the map is known to ``limit_px``, or the domain if that is infinite.
     """
 
     share: float
@@ -38,8 +39,8 @@ class Coverage:
     limit_px: float
 
 
-def coverage_of(calibration: Calibration, verdict: Verdict, seen: Residuals, std: Floats) -> Coverage:
-    """Where boards were seen; ``std`` is the :func:`std_over_image` of the camera."""
+def coverage_of(calibration: Calibration, verdict: Verdict, seen: CornerResiduals, std: Floats) -> Coverage:
+    """Where boards were seen; ``std`` is :func:`std_over_image` of the camera."""
     camera = calibration.camera
     log_std, limit = np.log(std), np.log(camera.domain.max_std)
     views = [view for view in calibration.corner_set.found if view.name in seen.inliers]
@@ -55,9 +56,9 @@ def coverage_of(calibration: Calibration, verdict: Verdict, seen: Residuals, std
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Certainty:
-    """Standard deviation of the map's shape in px, over the image.
+    """The standard deviation of the map's shape over the image, in px.
 
-    ``regions`` are where it is at least each of ``levels`` px; ``inside_px`` and ``image_px`` are its medians in the
+    ``regions`` outline where it is at least each of ``levels``; ``inside_px`` and ``image_px`` are its medians in the
     camera's domain and over the whole image.
     """
 
@@ -68,7 +69,7 @@ class Certainty:
 
 
 def certainty_of(camera: VirtualCamera, std: Floats) -> Certainty:
-    """How well the map of ``camera`` is known: levels of ``std``, its :func:`std_over_image`."""
+    """How well the map of ``camera`` is known: contours of ``std``, its :func:`std_over_image`."""
     lowest = max((level for level in LEVELS if level <= std.min()), default=LEVELS[0])
     levels = tuple(level for level in LEVELS if lowest <= level <= std.max())
     regions = regions_above(np.log(std), tuple(np.log(levels)), camera.image_size)
@@ -78,7 +79,7 @@ def certainty_of(camera: VirtualCamera, std: Floats) -> Certainty:
 
 
 def std_over_image(camera: VirtualCamera) -> Floats:
-    """Standard deviation (n,) px of the map's shape at the grid's nodes, positive and finite."""
+    """Standard deviation (n,) of the map's shape at the grid's nodes in px, positive and finite."""
     with np.errstate(all="ignore"):
         std = camera.shape_std(grid_pixels(camera.image_size))
     return np.clip(np.nan_to_num(std, nan=UNKNOWN), 1.0 / UNKNOWN, UNKNOWN)
@@ -86,13 +87,13 @@ def std_over_image(camera: VirtualCamera) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResidualField:
-    """Residuals averaged over cells of the image, px, and the test for structure among all of them.
+    """Residuals averaged over cells of the image, in px, and tests for structure in them.
 
-    ``centres`` (n, 2) px with the ``means`` (n, 2) px of their cells; drawn ``magnification`` times as long.
-    ``all`` (m, 2) px are the residuals themselves, ``rms_px`` their root mean square a point, ``noise_px`` the
-    corners' noise per axis. ``correlation`` is between neighbours on different boards; ``p_value`` the probability of
-    as much where there is no structure. ``board_error_px`` a point is what all boards share, corner by corner, and
-    ``board_error_p_value`` the probability of as much where they share nothing.
+    ``centres`` (n, 2) of the cells with their ``means`` (n, 2), drawn ``magnification`` times as long. ``all`` (m, 2)
+    are the residuals themselves, ``rms_px`` their RMS per point, ``noise_px`` the corner noise per axis.
+    ``correlation`` is that of neighbours on different boards, with ``p_value`` if there is none. ``board_error_px`` per
+    point is the error that each corner of the board has on all photographs, with ``board_error_p_value`` if there is
+    none.
     """
 
     centres: Floats
@@ -107,8 +108,8 @@ class ResidualField:
     board_error_p_value: float
 
 
-def residual_field(calibration: Calibration, verdict: Verdict, seen: Residuals) -> ResidualField:
-    """The field of what the camera leaves unexplained."""
+def residual_field(calibration: Calibration, verdict: Verdict, seen: CornerResiduals) -> ResidualField:
+    """The residuals that the camera leaves, over the image."""
     views = [view for view in calibration.corner_set.found if view.name in seen.residuals]
     uv = np.concatenate([view.uv[seen.inliers[view.name]] for view in views])
     residuals = np.concatenate([seen.residuals[view.name][seen.inliers[view.name]] for view in views])
@@ -131,15 +132,9 @@ def residual_field(calibration: Calibration, verdict: Verdict, seen: Residuals) 
 
 
 def _cell_means(uv: Floats, residuals: Floats, cell: float) -> tuple[Floats, Floats]:
-    """Centres and mean residuals of the cells that hold enough corners."""
+    """Centres and mean residuals, (n, 2) each, of the square cells that hold enough corners."""
     places, index, counts = np.unique(np.floor(uv / cell), axis=0, return_inverse=True, return_counts=True)
     sums = np.zeros((len(places), 2))
     np.add.at(sums, index.reshape(-1), residuals)
     enough = counts >= FEWEST_IN_CELL
     return (places[enough] + 0.5) * cell, sums[enough] / counts[enough, None]
-
-
-def round_down(value: float) -> float:
-    """The largest of …, 1, 2, 5, 10, … that is at most ``value`` > 0."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(m for m in (1.0, 2.0, 5.0) if m * power <= value * (1 + 1e-12)))

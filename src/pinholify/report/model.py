@@ -1,4 +1,4 @@
-"""What the calibration chose, and the board as it found it."""
+"""The model that the calibration chose, and the shape of the board that it found."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pinholify.gp.maps import AdditiveMap, DisplacementMap
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """A Gaussian process: its standard deviation and length scales, in ``unit`` and px."""
+    """A Gaussian process ``of`` a quantity: its standard deviation in ``unit`` and its length scales in px."""
 
     of: str
     std: float
@@ -23,12 +23,12 @@ class Process:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Method, kernel and trend; ``processes`` none where the evidence switched the process off.
+    """Method, kernel, trend and hyperparameters; ``processes`` is empty if the evidence switched the process off.
 
-    ``candidates`` are the trends tried, best first, with how much less their log evidence is than the best's.
-    ``bow`` (squares), ``stretch`` and ``shear`` (fractions) and ``warp`` (squares, rms) tell how the board differs from
-    a flat lattice of squares, None where the data prefer one that does not; ``motion_px`` by how much boards moved
-    while the shutter rolled. ``singular_values`` are those of the closed-form solve.
+    ``candidates`` are the trends that were tried, best first, with the deficit of their log evidence. ``bow``
+    (squares), ``stretch`` and ``shear`` (fractions) and ``warp`` (squares, RMS) describe how the board differs from a
+    flat lattice of squares; None if the data prefer one that does not. ``motion_px`` is the RMS motion of boards during
+    the rolling shutter. ``singular_values`` are those of the closed-form solve.
     """
 
     method: str

@@ -1,4 +1,4 @@
-"""The report in words and tables, the same for every format: sections of paragraphs, with tables beside the figures."""
+"""The text and tables of a report, the same in every format."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pinholify.evaluation.verdict import STRUCTURED
 from pinholify.report.boards import BoardEntry
 from pinholify.report.contents import Report
-from pinholify.report.maps import Coverage, round_down
-from pinholify.report.numerals import angle, decimals, number, percent, px, scientific, with_std
+from pinholify.report.maps import Coverage
+from pinholify.report.numerals import angle, decimals, number, percent, px, round_down, scientific, with_std
 from pinholify.report.overview import Length
 
-STRUCTURED = 0.01  # p-value
 MORE_THAN_NOISE = 1.5  # times
-DRAWN_RESIDUAL = 0.03  # of the image's width: how long a typical residual is drawn on photographs
+DRAWN_RESIDUAL = 0.03  # length of a typical residual as drawn on photographs, as a fraction of the image's width
 
-FULL_NAMES = {"f": "f, focal length", "uc": "uc, principal point across", "vc": "vc, principal point down"}
+FULL_NAMES = {"f": "f, focal length", "uc": "uc, principal point x", "vc": "vc, principal point y"}
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Cells as text; the first column names the row, ``numeric`` says whether the others are numbers."""
+    """Cells as text; the first column names the row, and ``numeric`` tells whether the others are numbers."""
 
     caption: str
     header: tuple[str, ...]
@@ -31,7 +31,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A section of the report. ``key`` names it and its figure, which ``caption`` explains."""
+    """A section of the report; ``key`` identifies it and its figure, which ``caption`` explains."""
 
     key: str
     title: str
@@ -41,12 +41,12 @@ class Section:
 
 
 def title(report: Report) -> str:
-    """What the report is called."""
+    """The title of the report."""
     return f"Calibration of {report.provenance.file}"
 
 
 def subtitle(report: Report) -> str:
-    """Of what, how and when."""
+    """One line on the method, the photographs and the date of the calibration."""
     (width, height), count, day = report.image_size, len(report.boards), report.provenance.created[:10]
     return (
         f"{report.overview.method.capitalize()} method, {count} photograph{'s' * (count != 1)} "
@@ -55,12 +55,13 @@ def subtitle(report: Report) -> str:
 
 
 def facts(report: Report) -> tuple[tuple[str, str, str], ...]:
-    """The few numbers to know: label, value, and what it means."""
+    """The main numbers: label, value and meaning of each."""
     overview = report.overview
+    alone = f"RMS per point; noise{_and_motion(report)} alone would leave {px(overview.floor_px)}"
     heldout = (
-        ("Held-out error", px(overview.heldout_px), f"on photographs left out; noise alone: {px(overview.floor_px)}")
+        ("Held-out error", px(overview.heldout_px), alone)
         if overview.heldout_px is not None
-        else ("Residual", px(overview.insample_px), "in sample: on the photographs it was made from")
+        else ("In-sample error", px(overview.insample_px), "RMS per point, on the photographs of the calibration")
     )
     wrong = (f"{overview.wrong_corners} of {overview.corners}", "left out of every number")
     boards, known = f"{overview.boards_used} of {overview.boards_found}", np.isfinite(overview.f_share)
@@ -68,15 +69,15 @@ def facts(report: Report) -> tuple[tuple[str, str, str], ...]:
         heldout,
         ("Focal length", f"± {percent(overview.f_share)}" if known else "unknown", "one standard deviation"),
         ("Coverage", percent(overview.coverage), "of the image is covered by corners"),
-        ("Boards that count", boards, f"found in {overview.images} photograph{'s' * (overview.images != 1)}"),
+        ("Boards used", boards, f"found in {overview.images} photograph{'s' * (overview.images != 1)}"),
         *([("Wrong corners", *wrong)] if overview.wrong_corners else []),
     )
 
 
 def sections(report: Report) -> tuple[Section, ...]:
-    """The whole report after its overview, in the order of reading."""
+    """All sections after the overview, in reading order."""
     return (
-        *([_straightened(report)] if report.frames else []),
+        *([_straightened()] if report.frames else []),
         _intrinsics(report),
         _errors(report),
         _photographs(report),
@@ -92,11 +93,11 @@ def sections(report: Report) -> tuple[Section, ...]:
     )
 
 
-def _straightened(report: Report) -> Section:
+def _straightened() -> Section:
     caption = (
-        "The same photograph as the camera took it, and as a perfect pinhole camera would have: straight things must "
-        "look straight. The thin lines are drawn with a ruler between the end corners of the board's outer rows and "
-        "columns; once straightened, the board's own lines must follow them."
+        "The photograph as taken, and as a perfect pinhole camera would have taken it: straight edges must look "
+        "straight. The thin lines are ruled between the end corners of the board's outer rows and columns; after "
+        "straightening, the board's own lines must follow them."
     )
     return Section("frames", "Before and after", caption=caption)
 
@@ -109,21 +110,21 @@ def _intrinsics(report: Report) -> Section:
     horizontal, vertical, diagonal = k.field_of_view
     (width, height), (cx, cy) = k.view_size, k.view_centre
     text = (
-        "The camera behaves as an ideal pinhole with these three numbers, in squares of the board: "
-        f"its image is the plane of the board in {k.reference}, f is how far that stands from the camera's centre, and "
-        "(uc, vc) is where the axis meets it, counted along the board's rows and columns from its first corner. There "
-        "is no distortion left to describe. The true value lies in the interval in 95 of 100 calibrations like this "
-        "one, if the corners' errors are independent; a narrow interval is good, f within 0.5 % is good enough for "
-        "most work."
+        "The calibrated camera is an ideal pinhole camera without distortion, described by three numbers in squares of "
+        f"the board. Its image plane is the plane of the board in {k.reference}: f is the distance of that plane from "
+        "the camera's centre, and (uc, vc) is where the optical axis meets it, measured along the board's rows and "
+        "columns from its first corner. The 95 % intervals assume independent corner errors. A standard deviation of f "
+        "below 0.5 % is good enough for most work."
     )
     view = (
-        f"As a picture: 'pinholify undistort' makes images of {width} × {height} px with focal length "
-        f"fx = fy = {number(k.view_focal, 2)} px and principal point ({number(cx, 2)}, {number(cy, 2)}) px. The lens "
-        f"sees about {angle(horizontal)} across, {angle(vertical)} down and {angle(diagonal)} on the diagonal."
+        f"In pixels: 'pinholify undistort' makes images of {width} × {height} px with focal length "
+        f"fx = fy = {number(k.view_focal, 2)} px and principal point ({number(cx, 2)}, {number(cy, 2)}) px. The field "
+        f"of view is about {angle(horizontal)} horizontally, {angle(vertical)} vertically and {angle(diagonal)} "
+        "diagonally."
     )
     apart = (
-        f"Its boards disagree {number(k.disagreement, 1)} times as much as their corners' noise explains: they bent, "
-        "moved or were blurred in ways of their own. The standard deviations here, and those of every ray, count that.",
+        f"The boards disagree {number(k.disagreement, 1)} times as much as corner noise explains: they were bent, "
+        "blurred or moving. The standard deviations here, and those of every ray, include this.",
     ) * (k.disagreement > 1.0)
     mirrored = ("The camera looks into a mirror; the straightened view shows the scene unreversed.",) * k.mirrored
     table = Table("K, the intrinsics", header, rows)
@@ -139,49 +140,48 @@ def _length_row(length: Length, square_mm: float | None) -> tuple[str, ...]:
 
 
 def _and_motion(report: Report) -> str:
-    return " and boards' motion" if report.model.motion_px is not None else ""
+    return " and board motion" if report.model.motion_px is not None else ""
 
 
 def _errors(report: Report) -> Section:
-    alone = f"noise in finding corners{_and_motion(report)} alone would leave ({px(report.overview.floor_px)})"
     caption = (
-        "How far the corners of each photograph lie from where the camera puts them, once its board's pose is fitted: "
-        f"the bar is the root mean square over its corners, the dot its worst corner, the thin line what {alone}. "
-        "Good are bars about that long and all alike; one that stands out is a blurred, moved or wrongly found board: "
-        "look at its photograph."
-        f"{' Wrong corners are in none of them.' if report.overview.wrong_corners else ''}"
+        "Reprojection error of each photograph with the pose of its board fitted. Bar: RMS over its corners; dot: its "
+        f"worst corner; thin line: the {px(report.overview.floor_px)} that corner noise{_and_motion(report)} alone "
+        "would leave. In a good calibration all bars are about as long as that. A bar that stands out points to a "
+        "board that was blurred, moving or wrongly detected: check its photograph."
+        f"{' Wrong corners are not included.' if report.overview.wrong_corners else ''}"
     )
-    return Section("errors", "Error of each photograph", caption=caption)
+    return Section("errors", "Error by photograph", caption=caption)
 
 
 def _photographs(report: Report) -> Section:
-    crosses = ", crosses are wrong corners and count nowhere" if report.overview.wrong_corners else ""
+    crosses = "; crosses: wrong corners, which are in no number" if report.overview.wrong_corners else ""
     caption = (
-        f"Corners as they were found: dots count, rings do not (they lie outside of the camera's domain){crosses}. "
-        f"The lines from dots are the residuals, {residual_scale(report):g} times as long as they are. Good are short "
-        "lines in all directions; a common direction or a pattern is bad."
+        f"Detected corners. Dots: corners that count; rings: corners outside the camera's domain{crosses}. The lines "
+        f"are residuals, drawn {residual_scale(report):g} times as long. In a good calibration they are short and "
+        "point in all directions; a common direction or a pattern indicates a fault."
     )
     header = ("photograph", "state", "corners", "RMS, px", "worst, px", "CE ×1e-4", "distance, squares", "tilt")
     rows = tuple(_board_row(entry) for entry in report.boards)
     table = Table("All photographs", header, rows, numeric=False)
-    return Section("photographs", "Every photograph", report.overview.wrong_corners_said, (table,), caption)
+    return Section("photographs", "Photographs", report.overview.wrong_corners_said, (table,), caption)
 
 
 def residual_scale(report: Report) -> float:
-    """How many times too long residuals are drawn on photographs."""
+    """The factor by which residuals are magnified on photographs."""
     shown, rms = DRAWN_RESIDUAL * report.image_size[0], report.residuals.rms_px
     return round_down(shown / rms) if rms > 0 else 1.0
 
 
 def state(entry: BoardEntry) -> str:
-    """Whether a photograph counts, and why not."""
+    """Whether a photograph is included, or why not."""
     if not entry.included:
         return f"left out: {entry.reason}"
     return "included, the reference" if entry.is_reference else "included"
 
 
 def _board_row(entry: BoardEntry) -> tuple[str, ...]:
-    suspicion = "" if entry.ratio is None else f"; looks wrong, {entry.ratio:.1f} times the noise"
+    suspicion = "" if entry.ratio is None else f"; suspicious, {entry.ratio:.1f} times the noise"
     suspicion += "; too many wrong corners" if entry.crowded else ""
     note = f"; {entry.note}" if entry.note else ""
     dropped = f" ({entry.dropped} wrong, left out)" if entry.dropped else ""
@@ -200,76 +200,76 @@ def _board_row(entry: BoardEntry) -> tuple[str, ...]:
 def _coverage(report: Report) -> Section:
     coverage = report.coverage
     text = (
-        f"The corners that the camera was made from cover {percent(coverage.share)} of the image, its domain: measures "
-        f"count the corners there. {_shown(coverage)}"
+        f"The corners of the calibration cover {percent(coverage.share)} of the image, the camera's domain. All "
+        f"measures count the corners inside it. {_shown(coverage)}"
     )
     advised = report.overview.advice is not None
-    advice = (f"To gain most, photograph the board {report.overview.advice}.",) * advised
+    advice = (f"One more photograph would help most with the board {report.overview.advice}.",) * advised
     caption = (
-        "Each board's area, the stronger the more often it was seen; the solid outline is the domain"
-        f"{', the dashed one where the next board would help most' if advised else ''}. Good is an outline "
-        "that reaches into all four corners of the image."
+        "Areas of the boards, in stronger colour where more boards were seen. Solid outline: the domain"
+        f"{'; dashed outline: where the next board would help most' if advised else ''}. With good coverage the domain "
+        "reaches into all four corners of the image."
     )
-    return Section("coverage", "Where boards were seen", (text, *advice), caption=caption)
+    return Section("coverage", "Coverage", (text, *advice), caption=caption)
 
 
 def _shown(coverage: Coverage) -> str:
-    """Of what straightened pictures show, which may be more."""
+    """The part of the image that straightened pictures show, which may exceed the domain."""
     if not np.isfinite(coverage.limit_px):
-        return "'pinholify undistort' shows that much, and black for the rest."
+        return "'pinholify undistort' shows the domain and leaves the rest black."
     return (
-        "Farther out the map is extrapolated, and the less known the farther. 'pinholify undistort' shows where it is "
-        f"still known to {px(coverage.limit_px)}, {percent(coverage.shown)} of the image, and black for the rest."
+        "Outside it the map is extrapolated with growing uncertainty. 'pinholify undistort' shows the "
+        f"{percent(coverage.shown)} of the image where the map is known to {px(coverage.limit_px)} and leaves the rest "
+        "black."
     )
 
 
 def _certainty(report: Report) -> Section:
     certainty = report.certainty
     text = (
-        "How far a pixel's ray may be off by chance, one standard deviation, whole turns of the camera left out: "
-        f"{px(certainty.inside_px)} in the camera's domain, {px(certainty.image_px)} over the whole image "
-        "(medians)."
+        "The standard deviation of a pixel's ray, apart from a rotation of the whole camera, has a median of "
+        f"{px(certainty.inside_px)} in the camera's domain and {px(certainty.image_px)} over the whole image."
     )
     caption = (
-        "The stronger the colour, the less is known. Good is a pale image, well below the error you can live with; "
-        "it grows where no board was."
+        "The stronger the colour, the larger the standard deviation. It grows where no board was seen, and should stay "
+        "well below the error that your application tolerates."
     )
-    return Section("certainty", "How well the map is known", (text,), caption=caption)
+    return Section("certainty", "Uncertainty of the map", (text,), caption=caption)
 
 
 def _residuals(report: Report) -> Section:
     field = report.residuals
     finding = (
-        "They hang together over the image: the camera leaves something unexplained that several boards see alike."
+        "The residuals are spatially correlated: several boards agree on an error that the camera does not model."
         if field.p_value < STRUCTURED
-        else "No structure is seen in them over the image."
+        else "The residuals show no spatial correlation."
     )
     text = (
-        f"{finding} The residuals of neighbours on different boards correlate by {number(field.correlation, 3)} "
-        f"(p = {_p_value(field.p_value)}; 0 is none)."
+        f"{finding} The correlation between neighbouring corners on different boards is {number(field.correlation, 3)} "
+        f"({_p_value(field.p_value)})."
     )
     floor = report.overview.floor_px
     more = (
-        f" That is {field.rms_px / floor:.1f} times as much: not all of it is noise."
+        f", {field.rms_px / floor:.1f} times less: not all of them are noise"
         if field.rms_px > MORE_THAN_NOISE * floor
         else ""
     )
-    alone = f"noise{_and_motion(report)} alone would leave {px(floor)}"
-    numbers = f"They are {px(field.rms_px)} RMS a point, where {alone}.{more}"
+    alone = f"corner noise{_and_motion(report)} alone would leave {px(floor)}"
+    numbers = f"Their RMS is {px(field.rms_px)} per point; {alone}{more}."
     caption = (
-        f"The arrows are residuals averaged over cells of the image, {field.magnification:g} times as long as they "
-        "are; the cloud is all of them at once, with circles at 1, 2 and 3 standard deviations of the noise. Good are "
-        "short arrows without a pattern and a round cloud."
+        f"Arrows: residuals averaged over cells of the image, drawn {field.magnification:g} times as long. Cloud: all "
+        "residuals, with circles at 1, 2 and 3 standard deviations of the noise. In a good calibration the arrows are "
+        "short and without a pattern, and the cloud is round."
     )
     board = (
-        f"Of that, {px(field.board_error_px)} is the same at each corner of the board wherever it is held "
-        f"(p = {_p_value(field.board_error_p_value)}): is the board flat, and printed true?",
+        f"Of this, {px(field.board_error_px)} is the same at each corner of the board in all photographs "
+        f"({_p_value(field.board_error_p_value)}): is the board flat and accurately printed?",
     ) * (field.board_error_p_value < STRUCTURED)
-    return Section("residuals", "What is left over", (text, numbers, *board), caption=caption)
+    return Section("residuals", "Residuals", (text, numbers, *board), caption=caption)
 
 
 def _p_value(p: float) -> str:
-    return "below 0.0001" if p < 1e-4 else f"{p:.2g}"
+    return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
 
 
 def _straightness(report: Report) -> Section:
@@ -281,39 +281,40 @@ def _straightness(report: Report) -> Section:
         else ""
     )
     text = (
-        "Rows and columns of a board are straight, so a pinhole camera must see them straight. Their collinearity "
-        f"error (RMS distance from a line ÷ its length) is {scientific(lines.image_ce)} in the photographs and "
+        "A pinhole camera maps the straight rows and columns of a board to straight lines. Their collinearity error "
+        f"(RMS distance from a line ÷ its length) is {scientific(lines.image_ce)} in the photographs and "
         f"{scientific(lines.ce)} in the virtual plane{times}.{reference}"
     )
-    drawn = "to scale" if lines.magnification == 1 else f"{lines.magnification:g} times as large as they are"
+    drawn = "to scale" if lines.magnification == 1 else f"magnified {lines.magnification:g} times"
     caption = (
-        f"The board in {lines.example}, its bends {drawn}: left as "
-        "photographed, right in the virtual plane, which must look ruled."
+        f"The board in {lines.example} with deviations from straight lines {drawn}. Left: in the photograph; right: in "
+        "the virtual plane, where the lines must look ruled."
     )
-    return Section("straightness", "Are straight lines straight?", (text,), caption=caption)
+    return Section("straightness", "Straightness", (text,), caption=caption)
 
 
 def _scene(report: Report) -> Section:
     scene = report.scene
-    text = "Every board where it stood before the camera."
-    caption = "Good are boards at several distances, tilted in all directions."
+    text = "The boards in their poses in front of the camera."
+    caption = "Good boards stand at several distances, tilted in all directions."
     if scene.pinholeness is None:
         return Section("scene", "Boards and lines of sight", (text,), caption=caption)
     lines = (
-        f"The lines are the sight of {len(scene.lines)} pixels, each fitted to where it hits the boards: of a perfect "
-        "pinhole camera all pass through one point. On average they miss the camera's centre by "
-        f"{100 * scene.pinholeness:.2g} % of f."
+        f"Also drawn are the lines of sight of {len(scene.lines)} pixels, each fitted to the pixel's points on all "
+        "boards. In a perfect pinhole camera all of them pass through one point; here they miss the camera's centre by "
+        f"{100 * scene.pinholeness:.2g} % of f on average. Below 1 % is good."
     )
-    caption += " Small, at the side: where the lines pass the camera's centre (+). Good is below 1 % of f."
+    caption += " Small drawing: where the lines pass the camera's centre (+)."
     return Section("scene", "Boards and lines of sight", (text, lines), caption=caption)
 
 
 def _comparison(report: Report) -> Section:
     compared = report.comparison
     text = (
-        "The same corners given to OpenCV's lens models. The held-out error is on photographs that were left out of "
-        "the fit, with only their boards' poses fitted: it is the one to compare. The in-sample error flatters every "
-        f"model, the more the more numbers it has. Noise alone would leave {px(report.overview.floor_px)}."
+        "OpenCV's lens models fitted to the same corners. Compare the held-out errors, those on photographs that were "
+        "left out of the fit, with only the poses of their boards fitted. The in-sample error flatters every model, "
+        f"the more so the more parameters it has. Corner noise{_and_motion(report)} alone would leave "
+        f"{px(report.overview.floor_px)}."
     )
     ours = (number(v, 3) for v in (compared.heldout_px, compared.insample_px, compared.re_percent))
     rows = [(f"pinholify, {compared.method}", *ours)]
@@ -322,23 +323,25 @@ def _comparison(report: Report) -> Section:
         for name, s in compared.models.items()
     ]
     header = ("model", "held out, px", "in sample, px", "in sample, % of a square")
-    table = Table("Errors, root mean square a point", header, tuple((a, b, c, d) for a, b, c, d in rows))
+    table = Table("RMS errors per point", header, tuple((a, b, c, d) for a, b, c, d in rows))
     shapes = (
         "This camera is scored with the board's shape that it found in the same solve, OpenCV's models with a flat "
-        "board, as they know no other: a part of the difference may be the board's.",
+        "board, the only one they support: part of the difference may be due to the board.",
     ) * bool(compared.models and _board_shape(report))
     none = (f"There is no held-out error: {compared.heldout_reason}.",) if compared.heldout_px is None else ()
-    folds = (f"Over five folds: {px(compared.kfold_px)}.",) if compared.kfold_px is not None else ()
+    folds = (
+        (f"The held-out error over five folds is {px(compared.kfold_px)}.",) if compared.kfold_px is not None else ()
+    )
     caption = (
-        "Bars: held out; dots: in sample; the thin line: what noise alone would leave. Good is the shortest bar, close "
-        "to that line."
+        "Bars: held-out errors; dots: in-sample errors; thin line: what corner "
+        f"noise{_and_motion(report)} alone would leave."
     )
     shown = caption if compared.heldout_px is not None and compared.models else ""
-    return Section("comparison", "Beside OpenCV's models", (text, *shapes, *none, *folds), (table,), shown)
+    return Section("comparison", "Comparison with OpenCV", (text, *shapes, *none, *folds), (table,), shown)
 
 
 def model_name(name: str) -> str:
-    """What people call one of OpenCV's models."""
+    """The display name of one of OpenCV's models."""
     return OPENCV_MODELS.get(name, name)
 
 
@@ -355,36 +358,38 @@ def _model(report: Report) -> Section:
         ("method", model.method),
         ("trend", model.trend),
         ("kernel", model.kernel),
-        ("corners' noise", f"{px(model.noise_px)} per axis"),
+        ("corner noise", f"{px(model.noise_px)} per axis"),
     ]
     for process in model.processes:
         scales = ", ".join(number(scale, 0) for scale in process.length_scales_px)
         rows.append((f"process, {process.of}", f"std {number(process.std, 3)} {process.unit}, length {scales} px"))
     if not model.processes:
-        rows.append(("process", "switched off by the evidence: the trend says it all"))
-    rows += _board_shape(report)
+        rows.append(("process", "switched off by the evidence: the trend suffices"))
+    shape = _board_shape(report)
+    rows += shape
     if model.singular_values:
         rows.append(("singular values", ", ".join(f"{value:.3g}" for value in model.singular_values)))
-    text = "Hyperparameters are those of the highest evidence (marginal likelihood). Candidates are listed best first."
-    tables = [Table("What was chosen", ("", "value"), tuple(rows), numeric=False)]
+    text = "The trend and the hyperparameters maximise the evidence (marginal likelihood)."
+    text += " The board's shape and motion were estimated in the same solve." * bool(shape)
+    tables = [Table("Chosen model", ("", "value"), tuple(rows), numeric=False)]
     if model.candidates:
         candidates = tuple((name, number(behind, 1)) for name, behind in model.candidates)
         tables.append(Table("Candidates", ("trend", "log evidence below the best"), candidates))
-    return Section("model", "What the calibration chose", (text,), tuple(tables))
+    return Section("model", "The model", (text,), tuple(tables))
 
 
 def _board_shape(report: Report) -> list[tuple[str, str]]:
     model = report.model
     rows = []
     if model.bow is not None:
-        rows.append(("board's bow", f"{_length(model.bow, model.square_mm)}: not quite flat, and allowed for"))
+        rows.append(("board, bow", f"{_length(model.bow, model.square_mm)} from flat"))
     if model.stretch is not None:
-        lean = "" if model.shear is None else f", its columns leaning by {model.shear:+.3%}"
-        rows.append(("board's print", f"{model.stretch:+.3%} longer along y than along x{lean}: allowed for"))
+        lean = "" if model.shear is None else f", columns leaning by {model.shear:+.3%}"
+        rows.append(("board, print", f"{model.stretch:+.3%} longer along y than along x{lean}"))
     if model.warp is not None:
-        rows.append(("its corners", f"{_length(model.warp, model.square_mm)} off beyond that, rms: allowed for"))
+        rows.append(("board, corners", f"{_length(model.warp, model.square_mm)} RMS beyond that"))
     if model.motion_px is not None:
-        rows.append(("motion", f"{number(model.motion_px, 3)} px, rms, while the shutter rolled: allowed for"))
+        rows.append(("board, motion", f"{number(model.motion_px, 3)} px RMS per axis during the rolling shutter"))
     return rows
 
 
@@ -393,8 +398,8 @@ def _length(squares: float, square_mm: float | None) -> str:
 
 
 def _usage(report: Report) -> Section:
-    text = f"Lines to copy, for this very file; run them where {report.provenance.file} is."
-    return Section("usage", "How to use it", (text,))
+    text = f"Code for this camera, to run in the folder of {report.provenance.file}."
+    return Section("usage", "Using the camera", (text,))
 
 
 def _provenance(report: Report) -> Section:
@@ -411,8 +416,8 @@ def _provenance(report: Report) -> Section:
         ("mirrored", "yes" if report.intrinsics.mirrored else "no"),
         ("report by", report.software),
     )
-    return Section("provenance", "Where it comes from", (), (Table("Provenance", ("", "value"), rows, numeric=False),))
+    return Section("provenance", "Provenance", (), (Table("Provenance", ("", "value"), rows, numeric=False),))
 
 
 def _squares(square_mm: float | None) -> str:
-    return "size of a square not given" if square_mm is None else f"squares of {square_mm:g} mm"
+    return "size of squares not given" if square_mm is None else f"squares of {square_mm:g} mm"

@@ -1,4 +1,4 @@
-"""Numbers as people read them: with units, and with as many digits as they are known to."""
+"""Numbers formatted for people: with units, and with as many digits as are significant."""
 
 from __future__ import annotations
 
@@ -7,25 +7,31 @@ import math
 NONE = "–"
 
 
+def round_down(value: float) -> float:
+    """The largest of …, 1, 2, 5, 10, … that is at most ``value`` > 0."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return power * max(m for m in (1.0, 2.0, 5.0) if m * power <= value * (1 + 1e-12))
+
+
 def number(value: float | None, digits: int) -> str:
-    """``value`` with ``digits`` decimals; a dash where there is none."""
+    """``value`` with ``digits`` decimals; a dash if there is none."""
     return NONE if value is None or not math.isfinite(value) else f"{value:.{digits}f}".replace("-", "−")
 
 
 def px(value: float | None) -> str:
-    """A length in px, to three significant digits."""
+    """A length in px, to two significant digits."""
     if value is None or not math.isfinite(value):
         return NONE
     return f"{value:.{decimals(value, 2)}f} px" if value < 1000 else "over 1000 px"
 
 
 def decimals(value: float, significant: int) -> int:
-    """How many decimals show ``significant`` digits of ``value``."""
+    """The number of decimals that show ``significant`` digits of ``value``."""
     return 0 if value == 0 else max(0, significant - 1 - math.floor(math.log10(abs(value))))
 
 
 def percent(share: float | None) -> str:
-    """A share as per cent, to two significant digits."""
+    """A fraction in per cent, to two significant digits."""
     if share is None or not math.isfinite(share):
         return NONE
     return f"{100 * share:.{min(decimals(100 * share, 2), 4)}f} %"
@@ -37,12 +43,12 @@ def angle(degrees: float | None) -> str:
 
 
 def scientific(value: float) -> str:
-    """A small unitless number, in ten-thousandths as the field quotes it."""
+    """A small unitless number in units of 10⁻⁴, as is usual for collinearity errors."""
     return f"{number(value * 1e4, 2)} × 10⁻⁴"
 
 
 def with_std(value: float, std: float) -> str:
-    """``value`` ± ``std``, both to two significant digits of the latter."""
+    """``value`` ± ``std``, both to two significant digits of ``std``."""
     if not std > 0 or not math.isfinite(std):
         return f"{number(value, 4)} ± unknown"
     digits = decimals(std, 2)

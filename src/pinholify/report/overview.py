@@ -1,4 +1,4 @@
-"""The verdict with the few numbers it rests on, and K with its intervals."""
+"""The verdict with its main numbers, and K with its confidence intervals."""
 
 from __future__ import annotations
 
@@ -18,15 +18,20 @@ NORMAL_95 = 1.96  # standard deviations
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """``level`` and ``sentence`` of the verdict; errors in px a point; shares as fractions.
+    """The verdict and its main numbers: errors in px per point, shares as fractions.
 
-    ``insample_px`` counts every corner alike, as the held-out error does. ``floor_px`` is what the corners' noise alone
-    would leave, ``f_share`` the standard deviation of f ÷ f, ``advice`` where in the image one more board would help
-    most. ``wrong_corners`` of all ``corners`` were left out of every number; what is said of them is in sentences.
+    ``sentence`` is the whole verdict; ``headline``, ``reasons`` and ``next_board`` are its parts as in
+    :class:`~pinholify.evaluation.verdict.Verdict`, and ``advice`` is the place of ``next_board`` in the image.
+    ``insample_px`` weights all corners equally, as the held-out error does. ``floor_px`` is what corner noise alone
+    would leave, ``f_share`` the standard deviation of f ÷ f. ``wrong_corners`` of all ``corners`` were left out of
+    every number, with the sentences ``wrong_corners_said`` on them.
     """
 
     level: str
     sentence: str
+    headline: str
+    reasons: tuple[str, ...]
+    next_board: str | None
     method: str
     heldout_px: float | None
     heldout_reason: str
@@ -51,6 +56,9 @@ def overview_of(evaluation: Evaluation, verdict: Verdict, insample_px: float) ->
     return Overview(
         verdict.level,
         verdict.sentence,
+        verdict.headline,
+        verdict.reasons,
+        verdict.advice,
         calibration.method,
         evaluation.heldout_px,
         evaluation.heldout_reason,
@@ -71,7 +79,7 @@ def overview_of(evaluation: Evaluation, verdict: Verdict, insample_px: float) ->
 
 @dataclass(frozen=True, slots=True)
 class Length:
-    """A length of K in squares with its standard deviation; nan where that is unknown."""
+    """A length of K in squares with its standard deviation, nan if that is unknown."""
 
     name: str
     value: float
@@ -79,17 +87,17 @@ class Length:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Where the true value lies in 95 of 100 cases, squares."""
+        """The 95 % confidence interval, in squares."""
         return self.value - NORMAL_95 * self.std, self.value + NORMAL_95 * self.std
 
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics:
-    """K of the virtual camera, and the pinhole view that people use.
+    """K of the virtual camera, and of the straightened view.
 
     ``view_focal`` and ``view_centre`` are K of the straightened picture of ``view_size``, in px. ``field_of_view`` is
-    horizontal, vertical and diagonal, in degrees, over the whole image; nan where the camera has no answer. The boards
-    pull the camera apart ``disagreement`` times as much as noise explains: all standard deviations count that.
+    that of the whole image, horizontal, vertical and diagonal, in degrees; nan where the camera has no rays. The boards
+    disagree ``disagreement`` times as much as noise explains, which all standard deviations include.
     """
 
     lengths: tuple[Length, ...]
@@ -124,11 +132,16 @@ def intrinsics_of(evaluation: Evaluation) -> Intrinsics:
 
 
 def field_of_view(camera: VirtualCamera) -> tuple[float, float, float]:
-    """Horizontal, vertical and diagonal angle between the rays of opposite ends of the image, through its middle."""
+    """Horizontal, vertical and diagonal angle in degrees between opposite ends of the image, by way of its centre."""
     right, bottom = (extent - 1.0 for extent in camera.image_size)
-    middle = [right / 2, bottom / 2]
-    ends = [[0, middle[1]], [right, middle[1]], [middle[0], 0], [middle[0], bottom], [0, 0], [right, bottom]]
-    directions = camera.to_rays(np.array([middle, *ends], dtype=np.float64)).directions
-    halves: Floats = np.degrees(np.arccos(np.clip(directions[1:] @ directions[0], -1.0, 1.0)))
-    horizontal, vertical, diagonal = (float(pair.sum()) for pair in halves.reshape(3, 2))
+    u, v = right / 2, bottom / 2
+    ends = np.array([[[0, v], [right, v]], [[u, 0], [u, bottom]], [[0, 0], [right, bottom]]])
+    horizontal, vertical, diagonal = (float(angle) for angle in angles_across(camera, ends, np.array([[u, v]])))
     return horizontal, vertical, diagonal
+
+
+def angles_across(camera: VirtualCamera, ends: Floats, middle: Floats) -> Floats:
+    """Angles (n,) in degrees between the rays of pixels ``ends`` (n, 2, 2) by way of the ray of ``middle`` (1, 2)."""
+    directions = camera.to_rays(np.concatenate([middle, ends.reshape(-1, 2)])).directions
+    halves = np.degrees(np.arccos(np.clip(directions[1:] @ directions[0], -1.0, 1.0)))
+    return np.asarray(halves.reshape(-1, 2).sum(axis=1))

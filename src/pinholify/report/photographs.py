@@ -1,4 +1,4 @@
-"""Which file is which of a camera's photographs: by name among those given, or beside the camera file."""
+"""Matching files with the photographs of a camera, by name: among given files, or next to the camera file."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pinholify.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class Photographs:
-    """Files ``by_name`` of the camera's views, and ``others`` that are none of them."""
+    """Files ``by_name`` of the camera's views, and the ``others``, which match no view."""
 
     by_name: dict[str, Path] = field(default_factory=dict)
     others: tuple[Path, ...] = ()
 
 
 def matched(names: Sequence[str], paths: Iterable[Path]) -> Photographs:
-    """Match ``paths`` with view ``names``: a name is the file's, with folders before it where two are called alike.
+    """Match ``paths`` with view ``names``: a file's name, preceded by folders where names would not be unique.
 
     Raises InputError where two files match one name.
     """
@@ -36,14 +36,14 @@ def matched(names: Sequence[str], paths: Iterable[Path]) -> Photographs:
 
 
 def _name_of(path: Path, names: Sequence[str]) -> str | None:
-    """The longest of ``names`` that the end of ``path`` spells."""
+    """The longest of ``names`` with which ``path`` ends."""
     parts = path.absolute().parts
     fits = [name for name in names if (p := PurePosixPath(name).parts) and parts[-len(p) :] == p]
     return max(fits, key=len, default=None)
 
 
 def nearby(names: Sequence[str], folders: Sequence[Path]) -> Photographs:
-    """Those of ``names`` that are files in one of ``folders``; names that lead out of a folder are not followed."""
+    """The ``names`` that are files in one of ``folders``; names that lead out of a folder are ignored."""
     found: dict[str, Path] = {}
     for name in names:
         place = PurePosixPath(name)

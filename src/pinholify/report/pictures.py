@@ -1,4 +1,4 @@
-"""Photographs as a report shows them: small thumbnails, and a few frames before and after straightening."""
+"""Photographs as a report shows them: thumbnails, and a few frames before and after straightening."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from pinholify.rectification.maps import RectificationMap, rectification_map, re
 from pinholify.rectification.views import View, named_view
 
 THUMBNAIL, SMALLEST_THUMBNAIL = 480, 160  # px wide
-FULL_SIZE_THUMBNAILS = 45  # photographs; more of them are shown smaller, so that the page stays a few MB
+FULL_SIZE_THUMBNAILS = 45  # more thumbnails are made smaller, so that the page stays a few MB
 FRAME = 1280  # px wide at most
-OVERSAMPLED = 2  # a straightened frame is made this much larger at most, then shrunk: no aliasing
+OVERSAMPLED = 2  # a straightened frame is made larger by up to this factor, then reduced, against aliasing
 JPEG_QUALITY, WEBP_QUALITY = 78, 85
 
 
@@ -55,7 +55,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pictures:
-    """Thumbnails by image name, frames, and why the photographs that are missing are (by name)."""
+    """Thumbnails by image name, frames, and the reason by name of each ``missing`` photograph."""
 
     thumbnails: Mapping[str, Picture] = field(default_factory=dict)
     frames: tuple[Frame, ...] = ()
@@ -68,11 +68,11 @@ def read_pictures(
     others: Sequence[Path] = (),
     on_read: Callable[[], object] = lambda: None,
 ) -> Pictures:
-    """Read the ``photographs`` of a calibration's views (by name) and ``others`` of the same camera for a frame.
+    """Read the ``photographs`` of a calibration's views (by name), and one of ``others`` from the same camera.
 
-    Frames are the reference's photograph, and the first of what shows none: of ``others``, else of the
-    views. A photograph that cannot be read, or has another size than the camera's, is listed as missing with the
-    reason; for one of ``others`` that is an ImageError. ``on_read`` hears of each file.
+    Frames are the reference's photograph and the first without a board: of ``others``, or else of the views. A
+    photograph that cannot be read or has the wrong size is listed as missing with the reason; for one of ``others`` an
+    ImageError is raised. ``on_read`` is called after each photograph of a view.
     """
     views = [view for view in calibration.corner_set.views if view.name in photographs]
     dropped = calibration.details.get("dropped_boards")
@@ -102,14 +102,14 @@ def read_pictures(
 
 
 def framed_views(views: Sequence[Corners], reference: str, dropped: Container[str]) -> list[Corners]:
-    """The reference (or else the largest board), and the first that shows no board worth using, as without one."""
+    """The reference (or else the largest board), and the first view without a usable board, its corners removed."""
     boards = [view for view in views if view.found and view.name not in dropped]
     scenes = [not_found(view.name, "") for view in views if not view.found or view.name in dropped]
     return sorted(boards, key=lambda v: (v.name != reference, -convex_hull(v.uv).area))[:1] + scenes[:1]
 
 
 def thumbnail_width(count: int) -> int:
-    """px, so that ``count`` thumbnails together stay a few MB."""
+    """Width in px at which ``count`` thumbnails together stay a few MB."""
     shrink = np.sqrt(FULL_SIZE_THUMBNAILS / max(count, FULL_SIZE_THUMBNAILS))
     return max(SMALLEST_THUMBNAIL, round(THUMBNAIL * float(shrink)))
 
@@ -120,18 +120,18 @@ def _read(path: Path, size: tuple[int, int]) -> Image:
     if (width, height) != size:
         raise ImageError(
             f"'{path}' is {width}x{height} and the camera was calibrated at {size[0]}x{size[1]}: "
-            "give the photographs the camera was made from"
+            "give the photographs that the camera was made from"
         )
     return image
 
 
 def eight_bits(image: Image) -> Image:
-    """The image with 8 bits a channel."""
+    """The image with 8 bits per channel."""
     return image if image.dtype == np.uint8 else np.asarray((image >> 8).astype(np.uint8))
 
 
 def shrunk(image: Image, width: int) -> Image:
-    """The image no wider than ``width`` px."""
+    """The image, reduced to at most ``width`` px wide."""
     if image.shape[1] <= width:
         return image
     height = max(1, round(image.shape[0] * width / image.shape[1]))
@@ -139,7 +139,7 @@ def shrunk(image: Image, width: int) -> Image:
 
 
 def as_jpeg(image: Image) -> Picture:
-    """The image as JPEG, without any of the file's own metadata."""
+    """The image as JPEG, without the metadata of its file."""
     data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
     return Picture("image/jpeg", data.tobytes(), image.shape[1], image.shape[0])
 
@@ -151,7 +151,7 @@ def as_webp(image: Image) -> Picture:
 
 
 class _Framer:
-    """Makes frames of one camera; the map is built for the first."""
+    """Makes the frames of one camera; the map is built for the first and kept."""
 
     def __init__(self, camera: VirtualCamera, board: Board) -> None:
         self.camera, self.board = camera, board
@@ -183,7 +183,7 @@ class _Framer:
 
 
 def ruler_ends(view: Corners, board: Board) -> Floats:
-    """End corners (k, 2, 2) px of the outermost rows and columns of a view that show at least three corners."""
+    """End corners (k, 2, 2) px of a view's outermost rows and columns, where at least three corners were found."""
     lattice = view.lattice(board)
     ends = []
     for across, along in ((1, 0), (0, 1)):

@@ -1,4 +1,4 @@
-"""Where a camera comes from: the file, what wrote it and when."""
+"""The provenance of a camera: its file, and the software that wrote it and when."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """The camera ``file``'s name, its SHA-256, and the ``software`` that wrote it when (``created``, UTC)."""
+    """The name of the camera ``file``, its SHA-256, the ``software`` that wrote it, and when (``created``, UTC)."""
 
     file: str
     sha256: str

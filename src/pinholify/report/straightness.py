@@ -1,4 +1,4 @@
-"""Are straight lines straight? A board's rows and columns in the photograph and in the virtual plane."""
+"""Straightness: a board's rows and columns in the photograph and in the virtual plane."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 
 from pinholify.arrays import Floats
 from pinholify.calibration.observation import MappedBoard
-from pinholify.evaluation.measures import board_lines, collinearity_errors
+from pinholify.evaluation.measures import board_lines, collinearity_errors, line_feet
 from pinholify.evaluation.summary import Evaluation
 from pinholify.geometry import convex_hull
-from pinholify.report.maps import round_down
+from pinholify.report.numerals import round_down
 
-DRAWN_BEND = 0.06  # of the drawing's longer side: how far the worst bent line is drawn off a ruler
+DRAWN_BEND = 0.06  # largest deviation from a straight line as drawn, as a fraction of the drawing's longer side
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bends:
-    """Lines of a board, each (n, 2), in a square of side 1 that keeps their shape: ruler-straight, and as they bend."""
+    """Lines of a board, each (n, 2), scaled to a unit square: the ``straight`` fits, and the lines as ``bent``."""
 
     straight: tuple[Floats, ...]
     bent: tuple[Floats, ...]
@@ -28,8 +28,9 @@ class Bends:
 class Straightness:
     """Collinearity errors (RMS distance from a line ÷ its length), and one board's lines before and after.
 
-    ``before`` and ``after`` show the board of photograph ``example`` in the image and in the virtual plane, both with
-    deviations ``magnification`` times as large; ``image_ce`` is the error of the same boards in the photographs.
+    ``ce`` is the error in the virtual plane, ``image_ce`` that of the same boards in the photographs. ``before`` and
+    ``after`` show the board of photograph ``example`` in the image and in the virtual plane, both with deviations
+    ``magnification`` times as large.
     """
 
     ce: float
@@ -42,7 +43,7 @@ class Straightness:
 
 
 def straightness_of(evaluation: Evaluation) -> Straightness:
-    """How straight lines are, of all counted boards; drawn for the reference, or else the largest one."""
+    """Collinearity errors of all counted boards, drawn for the reference or else the largest board."""
     boards = [observed.board for observed in evaluation.observed.values()]
     in_image = np.concatenate([collinearity_errors(board.lattice, board.uv) for board in boards])
     reference = evaluation.calibration.reference
@@ -60,7 +61,7 @@ def straightness_of(evaluation: Evaluation) -> Straightness:
 
 
 def _magnification(board: MappedBoard) -> float:
-    """How much to magnify, so that the worst line of the photograph is clearly bent and still a line."""
+    """The magnification that makes the worst line of the photograph clearly bent and still a line."""
     bends = _bends(board.lattice, board.uv, 1.0)
     pairs = zip(bends.straight, bends.bent, strict=True)
     worst = max(float(np.linalg.norm(bent - straight, axis=1).max()) for straight, bent in pairs)
@@ -72,9 +73,7 @@ def _bends(lattice: Floats, points: Floats, magnification: float) -> Bends:
     scale = float((high - low).max())
     straight, bent = [], []
     for line in board_lines(lattice, points):
-        centre = line.mean(axis=0)
-        along = np.linalg.svd(line - centre, full_matrices=False)[2][0]
-        foot = centre + np.outer((line - centre) @ along, along)
+        foot = line_feet(line)
         straight.append((foot - low) / scale)
         bent.append((foot + magnification * (line - foot) - low) / scale)
     return Bends(tuple(straight), tuple(bent))

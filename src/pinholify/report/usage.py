@@ -1,4 +1,4 @@
-"""How to use this very camera: lines to copy."""
+"""Code for using the camera file of a report."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Snippet:
-    """Lines to copy under a ``title``, in a ``language`` (python, sh)."""
+    """Code to copy, with a ``title``, in a ``language`` (python, sh)."""
 
     title: str
     language: str
@@ -21,7 +21,7 @@ import pinholify
 
 camera = pinholify.read_camera({file}).camera
 
-straighten = pinholify.Straightener(camera)  # its map is built once, for the first picture
+straighten = pinholify.Straightener(camera)  # builds its map for the first picture and keeps it
 straight = straighten(pinholify.read_image("photo.jpg"))
 pinholify.write_image("straight.png", straight)
 pinhole = straighten.view.matrix  # K (3, 3) px of the straight picture; no distortion
@@ -32,12 +32,12 @@ import numpy as np
 import pinholify
 
 camera = pinholify.read_camera({file}).camera
-pixels = np.array([{centre}, [0.0, 0.0]])  # (n, 2), integer = centre of a pixel
+pixels = np.array([{centre}, [0.0, 0.0]])  # (n, 2); integers are pixel centres
 
 rays = camera.to_rays(pixels)
 rays.directions  # (n, 3) unit vectors in the reference board's frame
-rays.std_px  # (n,) how well each is known, px
-camera.project(rays.directions)  # and back: (n, 2) px
+rays.std_px  # (n,) standard deviation of each, px
+camera.project(rays.directions)  # back to pixels, (n, 2)
 """
 
 OPENCV = """\
@@ -49,7 +49,7 @@ view = pinholify.named_view(camera, "camera", None, None)
 uv = pinholify.rectification_map(camera, view).uv
 
 straight = cv2.remap(cv2.imread("photo.jpg"), uv, None, cv2.INTER_CUBIC)
-matrix, distortion = view.matrix, None  # of the straight picture, for cv2.solvePnP and others
+matrix, distortion = view.matrix, None  # of the straight picture, for cv2.solvePnP etc.
 """
 
 SHELL = """\
@@ -62,7 +62,7 @@ pinholify evaluate {file} new-photos/
 
 
 def snippets(file: str, image_size: tuple[int, int]) -> tuple[Snippet, ...]:
-    """What to do with the camera file called ``file``."""
+    """Code for using the camera file called ``file``."""
     width, height = image_size
     centre = f"[{(width - 1) / 2}, {(height - 1) / 2}]"
     literal = json.dumps(file, ensure_ascii=False)

@@ -1,7 +1,7 @@
-"""The paper, reproduced: its six cameras rendered, its two tables and its figures made anew from pixels.
+"""Reproduction of the paper: its six cameras are rendered, and its two tables and its figures recomputed from pixels.
 
-:mod:`~pinholify.reproduction.run` does it all; :mod:`~pinholify.reproduction.chain` takes one data set from rendered
-photographs to numbers; :mod:`~pinholify.reproduction.truth` compares them with what was rendered; tables, findings,
-figures and page show them. The paper: De Boi, Pathak, Oliveira, Penne, *How to turn your camera into a perfect
-pinhole model*, 2023.
+:mod:`~pinholify.reproduction.run` runs everything; :mod:`~pinholify.reproduction.chain` takes one data set from
+rendered photographs to numbers; :mod:`~pinholify.reproduction.truth` compares them with the rendered truth; tables,
+findings, figures and page present them. The paper: De Boi, Pathak, Oliveira, Penne, *How to turn your camera into a
+perfect pinhole model*, 2023.
 """

@@ -1,4 +1,4 @@
-"""One data set from rendered photographs to numbers: corners from pixels, and the camera made twice."""
+"""One data set from rendered photographs to numbers: corners from pixels, and two calibrations."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from pinholify.reproduction.truth import (
 from pinholify.simulation.datasets import Dataset, mirrored
 
 Watch = Callable[[str, int | None], AbstractContextManager[Callable[[], None]]]
-"""Told what is being done and in how many parts; gives the function to call after each."""
+"""Called with a task and its number of parts (or None); yields the function to call after each part."""
 
 PAPERS, OURS = "constant", "auto"
-"""The trends of the two calibrations: the paper's constant mean, and our default."""
+"""The trends of the two calibrations: the paper's constant mean, and the default."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attempt:
-    """One calibration of a data set, scored on all its boards and against truth."""
+    """One calibration of a data set, scored on all its boards and against the truth."""
 
     evaluation: Evaluation
     truth: TruthErrors
@@ -42,10 +42,10 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reproduced:
-    """A data set gone through the whole chain: ``paper`` by the paper's method, ``ours`` with the default trend.
+    """The results of a data set: ``paper`` by the paper's method, ``ours`` with the default trend.
 
-    ``exact`` are the errors of the paper's method on corners without noise: what the method itself, or a camera that is
-    no pinhole, leaves. ``heldout_floor_px`` is the held-out error of the true lens: what the noise alone leaves.
+    ``exact`` are the errors of the paper's method on corners without noise, which are due to the method itself or to a
+    camera without a single centre. ``heldout_floor_px`` is the held-out error of the true lens, due to noise alone.
     """
 
     dataset: Dataset
@@ -61,10 +61,10 @@ class Reproduced:
 def reproduce_dataset(
     dataset: Dataset, views: int, folder: Path, watch: Watch, *, workers: int | None = 1
 ) -> Reproduced:
-    """Render the first ``views`` photographs under ``folder``, find their corners, calibrate twice and score.
+    """Render the first ``views`` photographs under ``folder``, detect their corners, calibrate twice and score.
 
-    The first photograph, whose board fills the frame, is the reference. OpenCV's models are fitted once, as both
-    calibrations count the same boards.
+    The first photograph, whose board fills the frame, is the reference. OpenCV's models are fitted once, since both
+    calibrations use the same boards. ``workers`` processes detect corners (None: one per CPU).
     """
     files = photograph_files(dataset, views, folder)
     if not rendered_before(dataset, files):
@@ -112,6 +112,6 @@ def _attempt(
 
 
 def _calibrated(dataset: Dataset, corner_set: CornerSet, trend: str, reference: str | None = None) -> Calibration:
-    """The one-image camera from the board of ``reference``, the first view's by default."""
+    """The one-image calibration from the board in ``reference``, by default the first view."""
     name = reference or corner_set.views[0].name
     return calibrate(corner_set, method="one-image", trend=trend, reference=name, mirrored=mirrored(dataset.lens))

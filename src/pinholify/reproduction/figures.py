@@ -36,7 +36,7 @@ def require_matplotlib() -> None:
 
 
 def write_images_figure(path: Path, results: Sequence[Reproduced], rows: Sequence[Row]) -> None:
-    """The paper's figure of all data sets, a row each: board, collinearity, OpenCV's straightening, splat, remap."""
+    """The paper's figure of all data sets, one row each: board, collinearity, OpenCV's straightening, splat, remap."""
     from matplotlib.figure import Figure
 
     heights = [row.photograph.shape[0] / row.photograph.shape[1] for row in rows]
@@ -63,7 +63,7 @@ def _bare(cell: Any) -> None:
 
 
 def _draw_collinearity(cell: Any, row: Row) -> None:
-    """Best-fit lines, the points, and how far they miss the lines, magnified."""
+    """Best-fit lines, the points, and their magnified deviations from the lines."""
     from matplotlib.collections import LineCollection
 
     drawing = collinearity_drawing(row.board.board.lattice, row.board.board.xy)
@@ -77,7 +77,7 @@ def _draw_collinearity(cell: Any, row: Row) -> None:
 
 
 def write_pinhole_figure(path: Path, results: Sequence[Reproduced]) -> None:
-    """The paper's figure of 100 lines of sight a data set, in 3D, and a close-up of where they meet."""
+    """The paper's figure of 100 lines of sight per data set in 3D, with a close-up of where they meet."""
     from matplotlib.figure import Figure
 
     shown = [r for r in results if r.paper.evaluation.lines is not None]
@@ -96,7 +96,7 @@ def write_pinhole_figure(path: Path, results: Sequence[Reproduced]) -> None:
 
 
 def _draw_pencil(cell: Any, drawing: PinholeDrawing) -> None:
-    """The lines to one scale on all axes: depth to the right, the image's y downwards; dots where they end."""
+    """The lines with one scale on all axes: depth to the right, the image's y down; dots mark their ends."""
     placed = drawing.segments[:, :, [2, 0, 1]] * [1.0, 1.0, -1.0]
     for segment in placed:
         cell.plot(*segment.T, color=LINE, linewidth=0.45)
@@ -111,7 +111,7 @@ def _draw_pencil(cell: Any, drawing: PinholeDrawing) -> None:
 
 
 def _draw_meeting_point(cell: Any, drawing: PinholeDrawing, pinholeness: float | None) -> None:
-    """Where the lines cut the plane through the origin, on a scale of its own."""
+    """Where the lines cross the plane through the origin, at a separate scale."""
     half = 1.15 * float(np.abs(drawing.crossings).max()) or 1.0
     cell.plot(*drawing.crossings.T, ".", color=LINE, markersize=2.5)
     cell.plot(0, 0, "+", color=DOT, markersize=9)

@@ -1,4 +1,4 @@
-"""All numbers of a reproduction as one JSON-able object."""
+"""All numbers of a reproduction as one JSON-serialisable object."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pinholify.reproduction.tables import reported
 
 
 def all_numbers(results: Sequence[Reproduced], *, quick: bool, seconds: float) -> dict[str, Any]:
-    """Everything measured, by data set, and what it says of the paper's claims."""
+    """All measures by data set, and the findings on the paper's claims."""
     return {
         "format_version": 1,
         "version": __version__,
@@ -26,7 +26,7 @@ def all_numbers(results: Sequence[Reproduced], *, quick: bool, seconds: float) -
 
 
 def _data_set(result: Reproduced) -> dict[str, Any]:
-    said = reported(result)
+    theirs = reported(result)
     return {
         "title": result.dataset.title,
         "image_size": list(result.corner_set.image_size),
@@ -35,7 +35,7 @@ def _data_set(result: Reproduced) -> dict[str, Any]:
         "found": len(result.corner_set.found),
         "corners": sum(map(len, result.corner_set.found)),
         "corner_errors": asdict(result.corner_errors),
-        "reported": None if said is None else asdict(said),
+        "reported": None if theirs is None else asdict(theirs),
         "exact_corners": asdict(result.exact),
         "heldout_floor_px": result.heldout_floor_px,
         "opencv": {name: asdict(score) for name, score in result.ours.evaluation.opencv.items()},

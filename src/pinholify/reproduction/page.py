@@ -1,4 +1,4 @@
-"""The page that ties the reproduction together: Markdown beside its figures, and HTML in one file."""
+"""The page of a reproduction: as Markdown next to its figures, and as one HTML file."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 
 from pinholify import __version__
+from pinholify.report.formats.markdown import table_text
 from pinholify.reproduction.chain import Reproduced
 from pinholify.reproduction.drawing import pinhole_drawing
 from pinholify.reproduction.findings import Finding, findings
@@ -17,33 +18,33 @@ from pinholify.reproduction.tables import Table, all_tables
 
 TITLE = "How to turn your camera into a perfect pinhole model, reproduced"
 INTRODUCTION = (
-    "De Boi, Pathak, Oliveira and Penne (2023) turn a camera into a pinhole camera by a Gaussian process trained on "
-    "one photograph of a checkerboard. Their photographs are not public. Here their six cameras are simulated: "
-    "boards are ray-traced through each lens, blurred and given a sensor's noise, their corners are detected in the "
-    "pixels, and the paper's tables and figures are made anew beside its own numbers. Strengths of lenses, blur and "
-    "noise were fixed, each with its reason, before the first calibration."
+    "De Boi, Pathak, Oliveira and Penne (2023) turn a camera into a pinhole camera with a Gaussian process trained on "
+    "one photograph of a checkerboard. Their photographs are not public. Here their six cameras are simulated: boards "
+    "are ray-traced through each lens with blur and sensor noise, their corners are detected in the pixels, and the "
+    "paper's tables and figures are recomputed and compared with the published numbers. The parameters of lenses, blur "
+    "and noise were fixed, each with its reason, before the first calibration."
 )
-QUICK = "This is the quick version: smaller images and fewer boards than the paper's, so errors in px differ."
+QUICK = "This is the quick version, with smaller images and fewer boards than the paper's, so errors in px differ."
 IMAGES_CAPTION = (
-    "A row a data set: a board beside the reference; its corners in the virtual plane with the best-fit lines of rows "
-    "and columns, and in red how far the corners miss them, magnified; the board straightened by OpenCV's "
-    "five-parameter model; by the paper's way, splatted straight onto the reference board's plane; and by ours, "
-    "resampled to a view along the optical axis as far as the map is known to 1 px."
+    "One row per data set, each with a board other than the reference. From left to right: the photograph; its corners "
+    "in the virtual plane with the best-fit lines of rows and columns and, in red, the magnified deviations; the board "
+    "straightened by OpenCV's five-parameter model; by the paper's method, splatted onto the plane of the reference "
+    "board; and by ours, resampled to a view along the optical axis where the map is known to 1 px."
 )
 PINHOLE_CAPTION = (
-    "The lines of sight of 100 pixels, each fitted to its points on all boards (constant mean), to scale, in units "
-    "of f. Beside each, on a scale of its own, where the lines cut the plane through the origin (+): all in one "
-    "point, if the camera were a perfect pinhole."
+    "The lines of sight of 100 pixels, each fitted to its points on all boards (constant mean), to scale, in units of "
+    "f. Next to each, at a separate scale: where the lines cross the plane through the origin (+), in one point if the "
+    "camera were a perfect pinhole."
 )
-HOW_TO_TURN = "Drag to turn, wheel or + and − to zoom in on the origin, arrow keys to turn, double click to reset."
+HOW_TO_TURN = "Drag or use the arrow keys to rotate, the wheel or + and − to zoom on the origin, double-click to reset."
 
 
 def markdown_page(results: Sequence[Reproduced], *, quick: bool, images: str, pinholes: str) -> str:
-    """The page as Markdown; ``images`` and ``pinholes`` are the figures' places relative to it."""
+    """The page as Markdown; ``images`` and ``pinholes`` are the paths of the figures relative to it."""
     parts = [f"# {TITLE}", INTRODUCTION, *([QUICK] if quick else []), "## What agrees, and what does not"]
     parts.append("\n".join(_finding_line(f, "**") for f in findings(results)))
     for table in all_tables(results):
-        parts += [f"## {table.title}", _markdown_table(table), table.note]
+        parts += [f"## {table.title}", table_text(table.header, table.rows), table.note]
     parts += ["## Figures", f"![{IMAGES_CAPTION}]({images})", IMAGES_CAPTION]
     parts += [f"![{PINHOLE_CAPTION}]({pinholes})", PINHOLE_CAPTION, f"Made by pinholify {__version__}."]
     return "\n\n".join(parts) + "\n"
@@ -54,18 +55,14 @@ def _finding_line(finding: Finding, strong: str) -> str:
     return f"- {strong}{finding.claim}: {verdict}.{strong} {finding.text}"
 
 
-def _markdown_table(table: Table) -> str:
-    rule = ["---", *["---:"] * (len(table.header) - 1)]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in (table.header, rule, *table.rows))
-
 
 def html_page(results: Sequence[Reproduced], *, quick: bool, images: Path, pinholes: Path) -> str:
-    """The page as HTML in one file, figures, style and the turning lines included; it loads nothing."""
+    """The page as one HTML file with figures, style and rotating lines of sight; it loads nothing."""
     body = [f"<h1>{escape(TITLE)}</h1>", _paragraph(INTRODUCTION), *([_paragraph(QUICK)] if quick else [])]
     body += ["<h2>What agrees, and what does not</h2>", "<ul>", *map(_html_finding, findings(results)), "</ul>"]
     body += map(_html_table, all_tables(results))
     body += ["<h2>Figures</h2>", _picture(images, IMAGES_CAPTION), _picture(pinholes, PINHOLE_CAPTION)]
-    body += ["<h2>The lines of sight, to turn</h2>", _paragraph(HOW_TO_TURN), _pencils(results)]
+    body += ["<h2>Lines of sight in 3D</h2>", _paragraph(HOW_TO_TURN), _pencils(results)]
     body += [_paragraph(f"Made by pinholify {__version__}.", "note")]
     head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(TITLE)}</title>'
     style = f"<style>\n{_resource('style.css')}</style>"
@@ -97,7 +94,7 @@ def _picture(path: Path, caption: str) -> str:
 
 
 def _pencils(results: Sequence[Reproduced]) -> str:
-    """A canvas a data set, their lines as data, and the script that turns them."""
+    """One canvas per data set, the lines as data, and the script that rotates them."""
     canvases, data = [], []
     for result in results:
         evaluation = result.paper.evaluation

@@ -1,4 +1,4 @@
-"""What the paper reports: its Tables 1 and 2, as printed."""
+"""The numbers that the paper reports: its Tables 1 and 2, as printed."""
 
 from __future__ import annotations
 
@@ -29,4 +29,4 @@ REPORTED: dict[str, Reported] = {
     "webcam-telelens": Reported(17, "14x9", (2560, 1440), 3.903e-4, 0.2576, 0.2667),
     "mirror": Reported(26, "14x9", (971, 871), 9.455e-4, 0.4404, 0.5376),
 }
-"""By the names of :data:`pinholify.simulation.datasets.DATASETS`, in the paper's order."""
+"""By the names in :data:`pinholify.simulation.datasets.DATASETS`, in the paper's order."""

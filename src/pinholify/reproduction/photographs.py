@@ -1,4 +1,4 @@
-"""The rendered photographs on disk: made once, and taken up again by a later run of the same version."""
+"""The rendered photographs on disk: rendered once, and reused by later runs of the same version."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ RECORD = "rendered.json"
 
 
 def photograph_files(dataset: Dataset, views: int, folder: Path) -> list[Path]:
-    """Where the first ``views`` photographs of ``dataset`` belong under ``folder``; PNG keeps every grey value."""
+    """The paths of the first ``views`` photographs of ``dataset`` under ``folder``; PNG, which is lossless."""
     width, height = dataset.lens.size
     home = folder / f"{dataset.name}-{width}x{height}"
     return [home / f"{dataset.name}-{i:02d}.png" for i in range(views)]
 
 
 def rendered_before(dataset: Dataset, files: list[Path]) -> bool:
-    """Whether an earlier run of this version finished rendering ``files`` from the very same recipe."""
+    """Whether an earlier run of this version finished rendering ``files`` from the same recipe."""
     try:
         record = json.loads((files[0].parent / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -33,9 +33,9 @@ def rendered_before(dataset: Dataset, files: list[Path]) -> bool:
 
 
 def render_photographs(dataset: Dataset, files: list[Path], advance: Callable[[], object]) -> None:
-    """Render ``files``, each written whole or not at all; the record that they are complete comes last.
+    """Render ``files``, each written whole or not at all, then write the record that they are complete.
 
-    Raises OutputError where the folder cannot be written.
+    ``advance`` is called after each. Raises OutputError if the folder cannot be written.
     """
     home = make_folder(files[0].parent)
     record = home / RECORD
@@ -48,5 +48,5 @@ def render_photographs(dataset: Dataset, files: list[Path], advance: Callable[[]
 
 
 def _recipe(dataset: Dataset) -> str:
-    """A digest of the version and of all that the photographs depend on."""
+    """A digest of the version and of everything that the photographs depend on."""
     return hashlib.sha256(f"{__version__} {dataset!r}".encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""The pictures of a data set's row in the paper's large figure: one board, straightened three ways."""
+"""The pictures of a data set's row in the paper's large figure: one board, straightened in three ways."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from pinholify.rectification.straightener import Straightener
 from pinholify.reproduction.chain import Reproduced
 
 LARGEST_SIDE = 1200  # px; enough for a column of a printed page
-SHOWN_STD = 1.0  # px; what the camera knows worse than this is left black
+SHOWN_STD = 1.0  # px; pixels with a larger standard deviation are left black
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Row:
-    """``photograph`` of the example board, and what OpenCV and the two calibrations make of it: (h, w) uint8 each.
+    """The ``photograph`` of the example board, straightened by OpenCV and the two calibrations: (h, w) uint8 each.
 
-    ``opencv`` is None where OpenCV's model could not be fitted. ``board`` is the example as the paper's method maps it.
+    ``opencv`` is None if OpenCV's model could not be fitted. ``board`` is the example as the paper's method maps it.
     """
 
     photograph: Image
@@ -34,7 +34,7 @@ class Row:
 
 
 def picture_row(result: Reproduced) -> Row:
-    """The row of ``result``: its example board by OpenCV-5, the paper's splat (constant mean), our remap (default)."""
+    """The row of ``result``: its example board by OpenCV-5, splat with the constant mean, remap with the default."""
     name = example_board(result)
     files = {path.name: path for path in result.files}
     photograph = read_image(files[name])
@@ -51,14 +51,14 @@ def picture_row(result: Reproduced) -> Row:
 
 
 def example_board(result: Reproduced) -> str:
-    """The name of the largest board in the image that counts, beside the reference."""
+    """The name of the view with the largest counted board other than the reference."""
     evaluation = result.paper.evaluation
     views = [v for v in by_size(result.corner_set.found) if v.name in evaluation.observed]
     return next(v.name for v in views if v.name != evaluation.calibration.reference)
 
 
 def opencv_undistorted(image: Image, camera: OpenCVCamera) -> Image:
-    """``image`` as OpenCV straightens it, with its camera matrix kept."""
+    """``image`` straightened by OpenCV with its camera matrix unchanged."""
     return np.asarray(cv2.undistort(image, camera.matrix, camera.distortion))
 
 

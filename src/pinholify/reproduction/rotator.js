@@ -1,5 +1,5 @@
-// Turns the lines of sight in the element "pinhole-lines" (JSON) by dragging, in one canvas a data set.
-// Orthographic, one scale on all axes. Wheel or +/- zooms on the origin, arrow keys turn, a double click resets.
+// Rotates the lines of sight in the element "pinhole-lines" (JSON), with one canvas per data set.
+// Orthographic, one scale on all axes. Dragging and arrow keys rotate, wheel and +/- zoom, a double click resets.
 "use strict";
 (() => {
   const panels = JSON.parse(document.getElementById("pinhole-lines").textContent);

@@ -1,4 +1,4 @@
-"""The whole reproduction: all data sets, tables, figures, page."""
+"""The whole reproduction: data sets, tables, figures, page."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pinholify.reproduction.pictures import picture_row
 from pinholify.simulation.datasets import DATASETS, Dataset, reduced
 
 PHOTOGRAPHS = "photographs"
-"""The folder of the rendered photographs; where it is, an earlier run has been."""
+"""The folder of the rendered photographs; it marks the output folder of an earlier run."""
 
 QUICK_WIDTH = 1280  # px
 QUICK_VIEWS = 10
@@ -29,7 +29,7 @@ QUICK_VIEWS = 10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reproduction:
-    """All ``results`` in the order given, their ``numbers`` (JSON-able), and the ``page`` that shows them."""
+    """All ``results`` in the given order, their ``numbers`` (JSON-serialisable), and the ``page`` with them."""
 
     results: tuple[Reproduced, ...]
     numbers: dict[str, Any]
@@ -37,13 +37,13 @@ class Reproduction:
 
 
 def quick_version(dataset: Dataset) -> Dataset:
-    """``dataset`` in images at most ``QUICK_WIDTH`` wide."""
+    """``dataset`` with images at most ``QUICK_WIDTH`` px wide."""
     return reduced(dataset, max(1.0, dataset.lens.size[0] / QUICK_WIDTH))
 
 
 @contextmanager
 def unwatched(_text: str, _parts: int | None) -> Iterator[Callable[[], None]]:
-    """Nobody looks on."""
+    """A :data:`~pinholify.reproduction.chain.Watch` that shows nothing."""
     yield lambda: None
 
 
@@ -55,11 +55,11 @@ def reproduce(
     watch: Watch = unwatched,
     workers: int | None = 1,
 ) -> Reproduction:
-    """Reproduce the paper into ``folder``: its photographs, corners, cameras, figures, numbers.json, and the page.
+    """Reproduce the paper into ``folder``: photographs, corners, cameras, figures, numbers.json, and the page.
 
-    The page is index.html, and report.md for where Markdown is read. Photographs that an earlier run of this version
-    finished are taken as they are. Corners are found by ``workers`` processes (None: one a CPU). Raises OutputError
-    where matplotlib is missing or the folder cannot be written, before any other work.
+    The page is index.html, with the same contents in report.md. Photographs that an earlier run of this version
+    finished are reused. ``workers`` processes detect corners (None: one per CPU). Raises OutputError, before any other
+    work, if matplotlib is missing or the folder cannot be written.
     """
     require_matplotlib()
     photographs, figures = make_folder(folder / PHOTOGRAPHS), make_folder(folder / "figures")
@@ -75,7 +75,7 @@ def reproduce(
 
 
 def _write_data(result: Reproduced, folder: Path) -> None:
-    """The corners that were found, and both cameras."""
+    """Write the detected corners and both cameras."""
     name = result.dataset.name
     write_corner_table(make_folder(folder / "corners") / f"{name}.vnl", result.corner_set)
     cameras = make_folder(folder / "cameras")

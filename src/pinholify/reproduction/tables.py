@@ -1,4 +1,4 @@
-"""The tables: the paper's two beside ours, held-out errors, and everything against truth. Text cells, any medium."""
+"""The tables, as text: the paper's two next to ours, held-out errors, and errors against the truth."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pinholify.evaluation.summary import Evaluation
+from pinholify.report.numerals import number
 from pinholify.reproduction.chain import Attempt, Reproduced
 from pinholify.reproduction.paper import REPORTED, Reported
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """``title``, a ``header`` and ``rows`` of text cells; ``note`` says how to read them."""
+    """A ``title``, a ``header`` and ``rows`` of text cells, and a ``note`` that explains them."""
 
     title: str
     header: tuple[str, ...]
@@ -26,19 +27,19 @@ def all_tables(results: Sequence[Reproduced]) -> tuple[Table, ...]:
 
 
 def reported(result: Reproduced) -> Reported | None:
-    """What the paper says of this data set, where it has it."""
+    """The paper's numbers for the data set of ``result``, None if it has none."""
     return REPORTED.get(result.dataset.name)
 
 
 def data_sets(results: Sequence[Reproduced]) -> Table:
-    """The paper's Table 1, and what was rendered, found and counted."""
+    """The paper's Table 1, with the boards that were rendered, found and counted."""
     rows = []
     for r in results:
-        said, views = reported(r), r.corner_set.views
+        theirs, views = reported(r), r.corner_set.views
         rows.append(
             (
                 r.dataset.title,
-                "–" if said is None else f"{said.boards} of {said.corners}, {_size(said.size)}",
+                "–" if theirs is None else f"{theirs.boards} of {theirs.corners}, {_size(theirs.size)}",
                 f"{len(views)} of {r.dataset.board.spec}, {_size(r.corner_set.image_size)}",
                 str(len(r.corner_set.found)),
                 str(len(r.paper.evaluation.observed)),
@@ -48,21 +49,23 @@ def data_sets(results: Sequence[Reproduced]) -> Table:
         )
     header = ("data set", "the paper's boards", "ours", "found", "counted", "corner error, px", "mean shift u, v, px")
     note = (
-        "A board counts when at least 90 % of its corners lie inside the outline of the reference board. Corner error: "
-        "RMS distance of detected to rendered corners; mean shift: detected minus rendered."
+        "A board counts if at least 90 % of its corners lie inside the outline of the reference board. Corner error: "
+        "RMS distance between detected and rendered corners; mean shift: detected minus rendered."
     )
     return Table("Table 1. The data sets", header, tuple(rows), note)
 
 
 def errors(results: Sequence[Reproduced]) -> Table:
-    """The paper's Table 2 beside ours, with OpenCV's models in MATLAB's place."""
+    """The paper's Table 2 and ours, with OpenCV's models instead of MATLAB's."""
     rows = []
     for r in results:
-        said, paper, ours = reported(r), r.paper.evaluation, r.ours.evaluation
+        theirs, paper, ours = reported(r), r.paper.evaluation, r.ours.evaluation
         rows.append(
             (
                 r.dataset.title,
-                *(("–",) * 3 if said is None else (f"{said.ce * 1e4:.3f}", f"{said.re:.4f}", f"{said.matlab_re:.4f}")),
+                number(None if theirs is None else theirs.ce * 1e4, 3),
+                number(None if theirs is None else theirs.re, 4),
+                number(None if theirs is None else theirs.matlab_re, 4),
                 *_gp_errors(paper),
                 *_gp_errors(ours),
                 number(ours.opencv["opencv5"].re_percent, 4),
@@ -84,8 +87,8 @@ def errors(results: Sequence[Reproduced]) -> Table:
         "OpenCV-8 RE %",
     )
     note = (
-        "The paper gives its reprojection errors no unit; they agree with its collinearity errors when read as per "
-        "cent of the corner spacing. Constant mean: the paper's own method. All are in-sample errors of the boards "
+        "The paper gives no unit for its reprojection errors; they agree with its collinearity errors when read as per "
+        "cent of the corner spacing. Constant mean: the paper's own method. All errors are in-sample, over the boards "
         "that count."
     )
     return Table("Table 2. Collinearity errors (CE) and reprojection errors (RE)", header, tuple(rows), note)
@@ -100,7 +103,7 @@ def held_out(results: Sequence[Reproduced]) -> Table:
     """Errors on boards that no model was trained on, in px."""
     rows = []
     for r in results:
-        said, paper, ours = reported(r), r.paper.evaluation, r.ours.evaluation
+        theirs, paper, ours = reported(r), r.paper.evaluation, r.ours.evaluation
         rows.append(
             (
                 r.dataset.title,
@@ -109,7 +112,7 @@ def held_out(results: Sequence[Reproduced]) -> Table:
                 *(number(ours.opencv[model].heldout_px, 4) for model in ("opencv5", "opencv8", "fisheye")),
                 number(r.heldout_floor_px, 4),
                 number(ratio(ours.opencv["opencv5"].heldout_px, ours.heldout_px), 3),
-                "–" if said is None else number(said.matlab_re / said.re, 2),
+                "–" if theirs is None else number(theirs.matlab_re / theirs.re, 2),
             )
         )
     header = (
@@ -124,15 +127,15 @@ def held_out(results: Sequence[Reproduced]) -> Table:
         "paper: MATLAB RE ÷ GP RE",
     )
     note = (
-        "px of the original image, RMS a point, on boards kept out of training with only their poses refitted; the "
-        "same corners for every model. The GP's map is made from one photograph, OpenCV's models from half of all "
+        "RMS per point in px of the original image, on boards held out of training with only their poses refitted, for "
+        "the same corners with every model. The GP's map is made from one photograph, OpenCV's models from half of all "
         "boards; the true lens shows what corner noise leaves."
     )
     return Table("Held-out errors", header, tuple(rows), note)
 
 
 def without_noise(results: Sequence[Reproduced]) -> Table:
-    """What the paper's method leaves of corners that have no noise at all."""
+    """Errors of the paper's method on corners without noise."""
     rows = tuple(
         (
             r.dataset.title,
@@ -145,14 +148,14 @@ def without_noise(results: Sequence[Reproduced]) -> Table:
     )
     header = ("data set", "rays meet in one point", "CE ×1e-4", "RE %, closed form", "RE %, refined")
     note = (
-        "The same boards and the same method (constant mean), with the corners where they were rendered instead of "
-        "where they were detected. What is left is the method's own error, or the camera's for not being a pinhole."
+        "The same boards and the same method (constant mean), with rendered instead of detected corners. The remaining "
+        "error is that of the method, or of a camera without a single centre."
     )
     return Table("Without noise", header, rows, note)
 
 
 def against_truth(results: Sequence[Reproduced]) -> Table:
-    """Map, K and poses against what was rendered, a row a calibration."""
+    """Map, K and poses against the rendered truth, one row per calibration."""
     rows = [
         (f"{r.dataset.title}, {name}", *_truth_cells(attempt))
         for r in results
@@ -164,15 +167,15 @@ def against_truth(results: Sequence[Reproduced]) -> Table:
         "map, px",
         "true f, uc, vc, squares",
         "found minus true, squares",
-        "poses: turn, °",
-        "poses: middle, squares",
+        "poses: rotation, °",
+        "poses: centre, squares",
         "pinholeness, f",
         "CE ×1e-4 without the reference",
     )
     note = (
-        "Map: RMS error inside the reference board, best homography removed. Poses: RMS over boards, in closed form → "
-        "refined, relative to the reference board. Pinholeness: mean distance of 100 lines of sight from the origin. A "
-        "mirror's rays have no common centre, so there is no true f, uc, vc."
+        "Map: RMS error inside the reference board after removing the best homography. Poses: RMS over boards, "
+        "relative to the reference board, in closed form → refined. Pinholeness: mean distance of 100 lines of sight "
+        "from the origin. A mirror's rays have no common centre, so there are no true f, uc, vc."
     )
     return Table("Against truth", header, tuple(rows), note)
 
@@ -193,13 +196,9 @@ def _truth_cells(attempt: Attempt) -> tuple[str, ...]:
 
 
 def ratio(above: float | None, below: float | None) -> float | None:
-    """above ÷ below, where both exist."""
+    """``above`` ÷ ``below``, None unless both exist."""
     return None if above is None or not below else above / below
 
-
-def number(value: float | None, digits: int) -> str:
-    """``value`` with so many digits after the point, – for none."""
-    return "–" if value is None else f"{value:.{digits}f}"
 
 
 def _size(size: tuple[int, int]) -> str:

@@ -1,4 +1,4 @@
-"""What was found against what was rendered: corners, the map, K and the boards' poses."""
+"""Errors against the rendered truth: of corners, the map, K and the boards' poses."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pinholify.simulation.views import virtual_camera
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CornerErrors:
-    """Detected corners against true ones: RMS distance in px, and their mean shift along u and v in px."""
+    """Errors of detected corners: RMS distance, and mean shift along u and v, in px."""
 
     rms_px: float
     shift_px: tuple[float, float]
@@ -35,9 +35,9 @@ class CornerErrors:
 
 @dataclass(frozen=True, slots=True)
 class PoseErrors:
-    """RMS over boards: the turn in degrees and the distance of the board's middle in squares.
+    """RMS errors over boards: of the rotation in degrees, and of the board's centre in squares.
 
-    Poses are taken relative to the reference board, which needs no optical centre.
+    Poses are relative to the reference board, which requires no optical centre.
     """
 
     turn_degrees: float
@@ -46,11 +46,11 @@ class PoseErrors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TruthErrors:
-    """A calibration against truth.
+    """Errors of a calibration.
 
-    ``map_px``: RMS error of the map in px of the image inside the reference board, best homography removed.
-    ``intrinsics`` are the true (f, uc, vc) in squares and ``intrinsics_error`` found minus true; None for a system
-    without a single centre. Poses in closed form and refined.
+    ``map_px`` is the RMS error of the map inside the reference board after removing the best homography, in px of the
+    image. ``intrinsics`` are the true (f, uc, vc) in squares and ``intrinsics_error`` found minus true; None for a
+    system without a single centre. ``closed_form`` and ``refined`` are the errors of the poses.
     """
 
     map_px: float
@@ -61,9 +61,9 @@ class TruthErrors:
 
 
 def numbered_poses(dataset: Dataset, corner_set: CornerSet) -> dict[str, Pose]:
-    """The true poses by image, turned by 180° in the board's plane where the corners are numbered from its other end.
+    """The true poses by image, rotated by 180° in the board's plane if the corners are numbered from its other end.
 
-    (A board of an even sum of columns and rows looks the same either way, and either numbering is right.)
+    A board with an even sum of columns and rows has this symmetry, and either numbering is correct.
     """
     poses = dataset.poses()[: len(corner_set.views)]
     return {
@@ -86,7 +86,7 @@ def _shifts(lens: Lens, board: Board, pose: Pose, view: Corners) -> Floats:
 
 
 def corner_errors(dataset: Dataset, corner_set: CornerSet, poses: Mapping[str, Pose]) -> CornerErrors:
-    """All corners of ``corner_set`` against those that were rendered."""
+    """The errors of all corners of ``corner_set``; ``poses`` as from :func:`numbered_poses`."""
     shifts = [_shifts(dataset.lens, dataset.board, poses[v.name], v) for v in corner_set.found]
     together = np.concatenate(shifts)
     u, v = together.mean(axis=0)
@@ -94,7 +94,7 @@ def corner_errors(dataset: Dataset, corner_set: CornerSet, poses: Mapping[str, P
 
 
 def exact_corners(dataset: Dataset, corner_set: CornerSet, poses: Mapping[str, Pose]) -> CornerSet:
-    """The corners of ``corner_set`` where they were rendered instead of where they were found."""
+    """``corner_set`` with the rendered instead of the detected corners."""
     views = (
         Corners(v.name, v.ids, dataset.lens.project(poses[v.name].apply(v.lattice(dataset.board))))
         for v in corner_set.found
@@ -103,7 +103,7 @@ def exact_corners(dataset: Dataset, corner_set: CornerSet, poses: Mapping[str, P
 
 
 def truth_errors(dataset: Dataset, evaluation: Evaluation, poses: Mapping[str, Pose]) -> TruthErrors:
-    """The calibration that ``evaluation`` scored, against ``dataset``; ``poses`` as :func:`numbered_poses` gives."""
+    """Errors of the evaluated calibration of ``dataset``; ``poses`` as from :func:`numbered_poses`."""
     calibration = evaluation.calibration
     reference = poses[calibration.reference]
     k, true_k = calibration.camera.intrinsics, virtual_camera(reference) if dataset.lens.central else None
@@ -123,7 +123,7 @@ def truth_errors(dataset: Dataset, evaluation: Evaluation, poses: Mapping[str, P
 
 
 def _of_reference(k: Intrinsics) -> Pose:
-    """Where the reference board stands in the camera's frame, by definition."""
+    """The pose of the reference board in the camera's frame, by definition."""
     return Pose(np.eye(3), np.array([-k.uc, -k.vc, k.f]))
 
 
@@ -140,10 +140,10 @@ def _pose_errors(found: Sequence[Pose], true: Sequence[Pose], middle: Floats) ->
 
 
 def map_error(camera: VirtualCamera, lens: Lens, truth: CameraTruth, reference: Pose) -> float:
-    """RMS error of the map in px over the truth's pixels inside the camera's hull, best homography removed.
+    """RMS error of the map in px over the truth's pixels inside the camera's hull, after removing the best homography.
 
-    Judged on the plane of the board at ``reference``, where a system without a centre has a true map too: the points
-    that pixels should see there against those that the camera says, imaged by the true lens.
+    It is measured on the plane of the board at ``reference``, where a system without a centre has a true map as well:
+    the points there that pixels see according to the camera, imaged by the true lens, minus those pixels.
     """
     inside = camera.domain.hull.contains(truth.pixels) & np.isfinite(truth.directions).all(axis=1)
     pixels, origins, directions = truth.pixels[inside], truth.origins[inside], truth.directions[inside]
@@ -156,14 +156,13 @@ def map_error(camera: VirtualCamera, lens: Lens, truth: CameraTruth, reference: 
     return rms(lens.project(reference.apply(fitted)) - pixels)
 
 
-
 def heldout_floor(
     lens: Lens, corner_set: CornerSet, views: Sequence[Corners], poses: Iterable[Pose]
 ) -> float | None:
-    """The held-out error in px that the true ``lens`` has on ``views``, poses refitted: what corner noise leaves.
+    """The held-out error in px of the true ``lens`` on ``views``, with poses refitted: what corner noise leaves.
 
-    The same split and corners as for every other model; the search starts from the true ``poses``. None where nothing
-    is held out.
+    The split and the corners are those of every other model; the fits start from the true ``poses``. None if nothing is
+    held out.
     """
     known = list(poses)
 

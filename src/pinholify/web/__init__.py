@@ -1,6 +1,7 @@
-"""The app: calibration in a browser, on this computer alone (extra ``app``).
+"""The app: calibration in a browser, served on this computer only (extra ``app``).
 
-One way through: a request passes :mod:`security` and :mod:`limits`, :mod:`routes` hand it to the :mod:`studio`, which
-changes the plain data of :mod:`sessions` and lets processes of :mod:`work` do what takes time (:mod:`looking`,
-:mod:`video`, :mod:`solving`, :mod:`downloads`). What changes is told to the open pages as events.
+A request passes :mod:`security` and :mod:`limits`; :mod:`routes` calls the :mod:`manager`, :mod:`uploads` or
+:mod:`calibrator`, which change the plain data of :mod:`sessions`. Long work (:mod:`inspection`, :mod:`video`,
+:mod:`solving`, :mod:`downloads`) runs in a :mod:`process_pool`. Changes are sent to the open pages as events
+(:mod:`session_state`).
 """

@@ -14,15 +14,15 @@ from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
 from pinholify.errors import PinholifyError
-from pinholify.web.limits import Bounded, Limits, TooMuch
+from pinholify.web.context import NotFound
+from pinholify.web.limits import BodyLimit, LimitExceeded, Limits
+from pinholify.web.manager import SessionManager
+from pinholify.web.process_pool import WorkerError
 from pinholify.web.routes import router
 from pinholify.web.security import HEADER, Guard, refused
-from pinholify.web.studio import Studio
-from pinholify.web.work import WorkError
-from pinholify.web.workroom import NotThere
 
 STATIC = Path(__file__).parent / "static"
-STATUS: dict[type[PinholifyError], int] = {TooMuch: 413, NotThere: 404, WorkError: 500}
+STATUS: dict[type[PinholifyError], int] = {LimitExceeded: 413, NotFound: 404, WorkerError: 500}
 
 PAGE, REFUSED = "page", "x-refused"
 
@@ -32,26 +32,26 @@ log = logging.getLogger("pinholify.web")
 def create_app(
     folder: Path, token: str, limits: Limits | None = None, *, host: str = "127.0.0.1", workers: int | None = None
 ) -> FastAPI:
-    """The app over the sessions in ``folder``, for whoever holds ``token``.
+    """The app for the sessions in ``folder``; requests must carry ``token``.
 
-    ``host`` is the name it listens on, ``workers`` how many processes calibrate. Raises OutputError where the folder
-    cannot be made.
+    ``host`` is the name on which it listens, ``workers`` the number of processes for long work. Raises OutputError if
+    the folder cannot be created.
     """
     chosen = limits or Limits()
-    studio = Studio(folder, chosen, workers)
+    manager = SessionManager(folder, chosen, workers)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        studio.room.crew.fill()
+        manager.context.pool.fill()
         yield
-        await studio.close()
+        await manager.close()
 
     app = FastAPI(title="pinholify", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
-    app.state.studio = studio
+    app.state.manager = manager
     app.include_router(router)
     app.add_api_route("/", _page, include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
-    app.add_middleware(Bounded, limits=chosen)
+    app.add_middleware(BodyLimit, limits=chosen)
     app.add_middleware(Guard, token=token, host=host)
     app.add_exception_handler(PinholifyError, _refused)
     app.add_exception_handler(RequestValidationError, _not_understood)
@@ -66,7 +66,7 @@ def _page() -> FileResponse:
 
 async def _refused(request: Request, error: Exception) -> Response:
     status = STATUS.get(type(error), 422)  # type: ignore[arg-type]
-    # The page is told in a header: browsers write every other status to the console as an error of the page's.
+    # The status goes into a header for the page: browsers log any other status than 200 as an error of the page.
     if request.headers.get(HEADER) == PAGE:
         return JSONResponse({"error": str(error)}, 200, {REFUSED: str(status)})
     return refused(request, status, str(error))
@@ -85,4 +85,4 @@ async def _no_such_address(_: Request, error: Exception) -> JSONResponse:
 
 async def _failed(request: Request, error: Exception) -> JSONResponse:
     log.error("%s %s failed", request.method, request.url.path, exc_info=error)
-    return JSONResponse({"error": "something went wrong inside; the terminal says more"}, 500)
+    return JSONResponse({"error": "an internal error occurred; see the terminal for details"}, 500)

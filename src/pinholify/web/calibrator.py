@@ -1,4 +1,4 @@
-"""When a session is calibrated, and what becomes of the result."""
+"""Running the calibrations of sessions, and storing and serving their results."""
 
 from __future__ import annotations
 
@@ -10,138 +10,139 @@ from typing import Any
 
 from pinholify.errors import InputError
 from pinholify.web import downloads, solving
-from pinholify.web.desk import Desk, Event, result_event
+from pinholify.web.context import AppContext, NotFound
+from pinholify.web.session_state import Event, SessionState, result_event
 from pinholify.web.sessions import new_id
-from pinholify.web.workroom import NotThere, Workroom
 
-ENOUGH_FOR_A_LOOK = 6  # boards from which on a first result is made while more photographs arrive
+ENOUGH_FOR_PREVIEW = 6  # boards from which a preview is made while more photographs arrive
 POLL = 0.05  # seconds
 STEPS = {
-    "first": "A first look with {} photographs is there; finding the camera that suits them best",
-    "camera": "Checking the camera of {} photographs on boards that it has not seen",
+    "first": "Preview of {} photographs ready; choosing the best model",
+    "camera": "Camera of {} photographs ready; computing its held-out error",
 }
-"""What is done once a stage of a calibration is there."""
+"""What is done once a stage of a calibration is finished."""
 
 
 class Calibrator:
-    """Calibrates the sessions of a ``room``, one calibration at a time in each."""
+    """Calibrates the sessions of ``context``, one calibration at a time in each."""
 
-    def __init__(self, room: Workroom) -> None:
-        """Works in ``room``."""
-        self.room = room
+    def __init__(self, context: AppContext) -> None:
+        """Starts no calibration yet."""
+        self.context = context
 
-    def want(self, session_id: str, *, at_once: bool = False) -> None:
-        """Calibrate when photographs have arrived, or ``at_once``, in place of what is being calibrated now."""
-        desk = self.room.desk(session_id)
-        desk.wanted = True
-        desk.tell("pending")
+    def request(self, session_id: str, *, at_once: bool = False) -> None:
+        """Calibrate when no more photographs are arriving, or ``at_once``, cancelling a running calibration."""
+        state = self.context.state(session_id)
+        state.requested = True
+        state.publish("pending")
         if at_once:
-            desk.last_look = 0.0
-            if desk.solve_job is not None:
-                desk.solve_job.cancel()
-        if desk.solver is None or desk.solver.done():
-            desk.solver = asyncio.create_task(self._solve_while_wanted(desk))
+            state.last_arrival = 0.0
+            if state.solve_job is not None:
+                state.solve_job.cancel()
+        if state.solver is None or state.solver.done():
+            state.solver = asyncio.create_task(self._solve_while_requested(state))
 
     async def straight(self, session_id: str, photograph_id: str) -> Path:
-        """The straight picture of a photograph by the newest result."""
-        photograph, desk = self.room.photograph(session_id, photograph_id), self.room.desk(session_id)
-        solve = desk.preview_solve or self.room.session(session_id).solve
+        """The file of a photograph straightened by the newest result; raises NotFound."""
+        photograph, state = self.context.photograph(session_id, photograph_id), self.context.state(session_id)
+        solve = state.preview_solve or self.context.session(session_id).solve
         if solve is None:
-            raise NotThere("there is no camera yet; add photographs of the board")
-        folder = self.room.store.path(session_id, solve)
+            raise NotFound("there is no camera yet; add photographs of the board")
+        folder = self.context.store.path(session_id, solve)
         target = folder / f"{photograph.id}.jpg"
-        original = self.room.original(session_id, photograph.id)
-        await self.room.crew.run(solving.straighten, original, folder / solving.MAP, target, self.room.limits.pixels)
+        original, pixels = self.context.original(session_id, photograph.id), self.context.limits.pixels
+        await self.context.pool.run(solving.straighten, original, folder / solving.MAP, target, pixels)
         return target
 
     def camera(self, session_id: str) -> Path:
-        """The camera file of the session's result; raises NotThere."""
-        session = self.room.session(session_id)
+        """The camera file of the session's result; raises NotFound."""
+        session = self.context.session(session_id)
         if session.solve is None:
-            raise NotThere("there is no camera yet; add photographs of the board")
-        return self.room.store.path(session_id, session.solve, solving.CAMERA)
+            raise NotFound("there is no camera yet; add photographs of the board")
+        return self.context.store.path(session_id, session.solve, solving.CAMERA)
 
     async def report(self, session_id: str) -> Path:
-        """The report of the session's result; raises NotThere, and InputError where it is stopped."""
-        camera, session, desk = self.camera(session_id), self.room.session(session_id), self.room.desk(session_id)
+        """The report file of the session's result; raises NotFound, and InputError if it is cancelled."""
+        camera, session = self.camera(session_id), self.context.session(session_id)
+        state = self.context.state(session_id)
         path = camera.with_name("report.html")
         if path.is_file():
             return path
-        if desk.report_job is None or desk.report_job.done():
-            photographs = {p.name: self.room.original(session_id, p.id) for p in session.photographs}
-            desk.act("Writing the report")
-            desk.report_job = asyncio.create_task(self.room.crew.run(downloads.report, path, camera, photographs))
-        await asyncio.wait({job := desk.report_job})
-        desk.act(None)
+        if state.report_job is None or state.report_job.done():
+            photographs = {p.name: self.context.original(session_id, p.id) for p in session.photographs}
+            state.set_activity("Writing the report")
+            state.report_job = asyncio.create_task(self.context.pool.run(downloads.report, path, camera, photographs))
+        await asyncio.wait({job := state.report_job})
+        state.set_activity(None)
         if job.cancelled():
-            raise InputError("the report was stopped before it was written")
+            raise InputError("the report was cancelled")
         job.result()
         return path
 
-    # --- inside ---
+    # --- private ---
 
-    async def _solve_while_wanted(self, desk: Desk) -> None:
-        while desk.wanted:
-            while not desk.quiet() and not self._worth_a_first_look(desk):
+    async def _solve_while_requested(self, state: SessionState) -> None:
+        while state.requested:
+            while not state.idle() and not self._preview_due(state):
                 await asyncio.sleep(POLL)
-            desk.wanted = False
-            await self._solve_once(desk, only_first=not desk.quiet())
+            state.requested = False
+            await self._solve_once(state, preview_only=not state.idle())
 
-    def _worth_a_first_look(self, desk: Desk) -> bool:
-        session = self.room.session(desk.session_id)
-        return session.result is None and desk.preview is None and len(session.usable) >= ENOUGH_FOR_A_LOOK
+    def _preview_due(self, state: SessionState) -> bool:
+        session = self.context.session(state.session_id)
+        return session.result is None and state.preview is None and len(session.usable) >= ENOUGH_FOR_PREVIEW
 
-    async def _solve_once(self, desk: Desk, *, only_first: bool) -> None:
-        """One calibration, to its end, its failure, or until somebody wants another in its place."""
-        session = self.room.session(desk.session_id)
+    async def _solve_once(self, state: SessionState, *, preview_only: bool) -> None:
+        """One calibration, until it ends, fails or is cancelled."""
+        session = self.context.session(state.session_id)
         corners = session.corner_set()
         if corners is None or len(corners.views) < solving.FEWEST_BOARDS:
-            desk.problem = None
-            desk.tell("result", **result_event(session, desk))
+            state.problem = None
+            state.publish("result", **result_event(session, state))
             return
         solve = f"solve-{new_id()}"
-        question = solving.Question(
+        request = solving.SolveRequest(
             corners,
             {p.name: p.id for p in session.usable},
             session.square_mm,
             session.mirrored,
-            (desk.preview or session.result or {}).get("trend"),
-            only_first,
-            self.room.store.path(session.id, solve),
+            (state.preview or session.result or {}).get("trend"),
+            preview_only,
+            self.context.store.path(session.id, solve),
         )
-        desk.act(f"Calibrating with {len(corners.views)} photographs")
-        heard = partial(self._heard_of_solve, desk, solve)
-        desk.solve_job = asyncio.create_task(self.room.crew.run(solving.solve, question, heard=heard))
+        state.set_activity(f"Calibrating with {len(corners.views)} photographs")
+        on_result = partial(self._on_result, state, solve)
+        state.solve_job = asyncio.create_task(self.context.pool.run(solving.solve, request, on_message=on_result))
         try:
-            await asyncio.wait({desk.solve_job})
-            desk.wanted = desk.wanted or (only_first and not desk.solve_job.cancelled())
+            await asyncio.wait({state.solve_job})
+            state.requested = state.requested or (preview_only and not state.solve_job.cancelled())
         finally:
-            self._end_of_solve(desk, desk.solve_job, keep_preview=desk.wanted)
+            self._end_of_solve(state, state.solve_job, keep_preview=state.requested)
 
-    def _heard_of_solve(self, desk: Desk, solve: str, result: Event) -> None:
-        session = self.room.session(desk.session_id)
-        desk.problem, desk.preview, desk.preview_solve = None, result, solve
+    def _on_result(self, state: SessionState, solve: str, result: Event) -> None:
+        session = self.context.session(state.session_id)
+        state.problem, state.preview, state.preview_solve = None, result, solve
         if (step := STEPS.get(result["stage"])) is not None:
-            desk.act(step.format(len(result["photographs"])))
+            state.set_activity(step.format(len(result["photographs"])))
         if result["stage"] == "evaluated":
-            desk.preview, desk.preview_solve = None, None
-            self.room.store.put(replace(session, result=result, solve=solve))
-        desk.tell("result", **result_event(self.room.session(session.id), desk))
+            state.preview, state.preview_solve = None, None
+            self.context.store.put(replace(session, result=result, solve=solve))
+        state.publish("result", **result_event(self.context.session(session.id), state))
 
-    def _end_of_solve(self, desk: Desk, job: asyncio.Task[Any], *, keep_preview: bool) -> None:
-        """After a calibration, however it ended: say why it failed, and forget what is no result."""
+    def _end_of_solve(self, state: SessionState, job: asyncio.Task[Any], *, keep_preview: bool) -> None:
+        """After a calibration, however it ended: publish why it failed, and remove the files of superseded results."""
         job.cancel()
-        session = self.room.store.get(desk.session_id)
+        session = self.context.store.get(state.session_id)
         if session is None:
             return
         error = job.exception() if job.done() and not job.cancelled() else None
         if error is not None:
-            desk.problem = str(error)
+            state.problem = str(error)
         if not keep_preview:
-            desk.preview, desk.preview_solve = None, None
-        desk.solve_job = None
-        for folder in self.room.store.path(session.id).glob("solve-*"):
-            if folder.name not in (session.solve, desk.preview_solve):
-                self.room.store.remove(session.id, folder.name)
-        desk.act(None)
-        desk.tell("result", **result_event(session, desk))
+            state.preview, state.preview_solve = None, None
+        state.solve_job = None
+        for folder in self.context.store.path(session.id).glob("solve-*"):
+            if folder.name not in (session.solve, state.preview_solve):
+                self.context.store.remove(session.id, folder.name)
+        state.set_activity(None)
+        state.publish("result", **result_event(session, state))

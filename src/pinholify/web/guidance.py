@@ -1,7 +1,7 @@
-"""Which photographs are worth having: how a board stands in the picture, what is missing, where to hold it next.
+"""Guidance for taking photographs: the posture of a board in the picture, what is missing, where to hold it next.
 
-The four bars X, Y, size and skew, and what counts as full, are those of ROS's cameracalibrator, which people know; two
-measures of perspective beside them tell boards apart that are tilted the other way.
+The four bars X, Y, size and skew and the values that count as full are those of ROS's cameracalibrator. Two additional
+measures of perspective distinguish boards that are tilted in opposite directions.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from pinholify.corners import Corners
 from pinholify.geometry import apply_homography, estimate_homography
 
 FULL = {"x": 0.7, "y": 0.7, "size": 0.4, "skew": 0.5}
-"""How far the boards must reach in each measure."""
+"""The range of each measure that the boards must cover."""
 
-FROM_ZERO = frozenset(["size", "skew"])  # a large board, or a tilted one, needs no small or straight one beside it
-NEW = 0.2  # sum of differences of all measures from which on a posture is new
-SHARP = 2.0  # px: standard deviation of the blur of a sharp picture at most, or
-SHARP_SHARE = 0.06  # of a square
-STILL = 0.02  # of a square: largest movement between two pictures at which the board is held still
+FROM_ZERO = frozenset(["size", "skew"])  # the range starts at zero: no small or untilted board is needed
+NEW = 0.2  # sum of differences of all measures from which a posture is new
+SHARP = 2.0  # px: largest standard deviation of the blur of a sharp picture, or
+SHARP_SHARE = 0.06  # the same as a fraction of a square
+STILL = 0.02  # largest movement between two pictures of a still board, as a fraction of a square
 BARS_FULL = 0.999
-CONTENT_BOARDS = 10
-FOCAL_KNOWN = 0.005  # relative standard deviation of f of a camera to be content with
+ENOUGH_BOARDS = 10
+FOCAL_KNOWN = 0.005  # relative standard deviation of f at which a live calibration may end
 
 
 @dataclass(frozen=True, slots=True)
 class Posture:
-    """How a board stands in the picture: place and size 0 … 1, skew 0 … 1, perspective along both axes −1 … 1."""
+    """The posture of a board in the picture: place, size and skew 0 … 1, perspective along both axes −1 … 1."""
 
     x: float
     y: float
@@ -47,7 +47,7 @@ class Posture:
 
 
 def posture(view: Corners, board: Board, image_size: tuple[int, int]) -> Posture:
-    """The posture of the board of ``view``, found from the outline that its corners span."""
+    """The posture of the board of ``view``, computed from its outline."""
     ends = outer_corners(view, board)
     sides = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)  # top, right, bottom, left
     width, height = image_size
@@ -65,7 +65,7 @@ def posture(view: Corners, board: Board, image_size: tuple[int, int]) -> Posture
 
 
 def outer_corners(view: Corners, board: Board) -> Floats:
-    """Where the four outermost corners of the whole board would be, (4, 2) px, clockwise from the first."""
+    """The four outermost corners (4, 2) px of the whole board, clockwise from the first, extrapolated if not found."""
     if len(view) == size(board):
         ends = [0, board.columns - 1, len(view) - 1, len(view) - board.columns]
         return view.uv[np.argsort(view.ids)[ends]]
@@ -75,7 +75,7 @@ def outer_corners(view: Corners, board: Board) -> Floats:
 
 
 def bars(postures: Sequence[Posture]) -> dict[str, float]:
-    """How far each of X, Y, size and skew has been covered, 0 … 1."""
+    """The share 0 … 1 of the required range of X, Y, size and skew that ``postures`` cover."""
     if not postures:
         return dict.fromkeys(FULL, 0.0)
     covered = {}
@@ -88,7 +88,7 @@ def bars(postures: Sequence[Posture]) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Whether to keep a picture, and what to tell the person who holds the board."""
+    """Whether to keep a picture, and a hint for the person who holds the board."""
 
     keep: bool
     hint: str
@@ -102,20 +102,20 @@ def choose(
     kept: Sequence[Posture],
     previous: Corners | None,
 ) -> Choice:
-    """Whether a picture of ``view`` is sharp, still against the ``previous`` one, and unlike those ``kept``.
+    """Keep a picture of ``view`` if it is sharp, unmoved since the ``previous`` one, and unlike those ``kept``.
 
-    ``blur_px`` is the standard deviation of its blur. Without a ``previous`` picture stillness is not asked for.
+    ``blur_px`` is the standard deviation of its blur. Without a ``previous`` picture, movement is not tested.
     """
     if not view.found:
-        return Choice(False, "No board in sight")
-    square = _square_px(view, board)
+        return Choice(False, "No board in view")
+    square = _square_px(view)
     if previous is not None and _movement(view, previous) > max(1.0, STILL * square):
         return Choice(False, "Hold the board still")
     if blur_px > max(SHARP, SHARP_SHARE * square):
-        return Choice(False, "The picture is not sharp: more light, or hold still")
+        return Choice(False, "The picture is not sharp: use more light or hold still")
     here = posture(view, board, image_size)
     if min((here.difference(other) for other in kept), default=np.inf) < NEW:
-        return Choice(False, "You have this one: move or tilt the board")
+        return Choice(False, "This view is already taken: move or tilt the board")
     return Choice(True, "Taken")
 
 
@@ -125,9 +125,9 @@ def advice(covered: dict[str, float], postures: Sequence[Posture]) -> str:
         return "Hold the board so that it nearly fills the picture."
     lowest = min(covered, key=lambda name: covered[name])
     if covered[lowest] >= BARS_FULL:
-        return "All bars are full: a few more boards in the corners of the picture still help."
+        return "All bars are full; a few more boards in the corners of the picture still help."
     if lowest == "size":
-        return "Come closer: one board should nearly fill the picture."
+        return "Move closer: one board should nearly fill the picture."
     if lowest == "skew":
         return "Tilt the board: turn one side towards the camera, then another."
     values = [getattr(p, lowest) for p in postures]
@@ -135,25 +135,25 @@ def advice(covered: dict[str, float], postures: Sequence[Posture]) -> str:
     return f"Hold the board at the {low_side if min(values) > 1 - max(values) else high_side} of the picture."
 
 
-def content(result: dict[str, Any]) -> bool:
-    """Whether a live calibration may end with ``result``: judged good, f known well, from enough boards."""
+def good_enough(result: dict[str, Any]) -> bool:
+    """Whether a live calibration may end with ``result``: judged good, with f known well, from enough boards."""
     known = result["f_px_std"] is not None and result["f_px_std"] < FOCAL_KNOWN * result["f_px"]
-    return known and result["level"] == "good" and len(result["photographs"]) >= CONTENT_BOARDS
+    return known and result["level"] == "good" and len(result["photographs"]) >= ENOUGH_BOARDS
 
 
 def _movement(view: Corners, previous: Corners) -> float:
-    """Median distance in px that corners moved since the ``previous`` picture; infinite where they share none."""
+    """Median distance in px that corners moved since the ``previous`` picture; infinite if it has none of them."""
     _, here, there = np.intersect1d(view.ids, previous.ids, return_indices=True)
     if not len(here):
         return float("inf")
     return float(np.median(np.linalg.norm(view.uv[here] - previous.uv[there], axis=1)))
 
 
-def _square_px(view: Corners, board: Board) -> float:
-    """Typical distance in px of neighbouring corners."""
+def _square_px(view: Corners) -> float:
+    """Median distance in px of neighbouring corners."""
     order = np.argsort(view.ids)
-    beside = np.diff(view.ids[order]) == 1
-    steps = np.linalg.norm(np.diff(view.uv[order], axis=0), axis=1)[beside]
+    adjacent = np.diff(view.ids[order]) == 1
+    steps = np.linalg.norm(np.diff(view.uv[order], axis=0), axis=1)[adjacent]
     return float(np.median(steps)) if len(steps) else 0.0
 
 
@@ -163,7 +163,7 @@ def _area(ends: Floats) -> float:
 
 
 def _angle(ends: Floats) -> float:
-    """The angle at the second corner, rad."""
+    """The angle at the second corner, in radians."""
     a, b = ends[0] - ends[1], ends[2] - ends[1]
     return float(np.arccos(np.clip(a @ b / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-9), -1, 1)))
 

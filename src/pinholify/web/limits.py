@@ -1,4 +1,4 @@
-"""How much the app takes: bodies, photographs, sessions."""
+"""Limits on what the app accepts: request bodies, photographs, sessions."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from pinholify.io.images import MAX_PIXELS
 MEGABYTE = 1_000_000
 
 
-class TooMuch(InputError):
-    """More was sent than the app takes."""
+class LimitExceeded(InputError):
+    """A request exceeds one of the app's limits."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Bytes of one upload of each kind and of any other request, pixels, and how many of everything.
+    """The largest size of an upload of each kind and of any other request in bytes, and the largest numbers.
 
-    ``session_bytes`` counts the photographs of one session as they were sent. ``video_frames`` is how many frames of
-    one video are kept at most.
+    ``pixels`` is per photograph and ``photographs`` per session. ``session_bytes`` is the total size of a session's
+    photographs as uploaded, ``video_frames`` the number of frames that are chosen from a video.
     """
 
     photograph_bytes: int = 200 * MEGABYTE
@@ -34,7 +34,7 @@ class Limits:
     video_frames: int = 60
 
     def body(self, path: str) -> int:
-        """The largest body in bytes of a request to ``path``."""
+        """The largest body of a request to ``path``, in bytes."""
         if path.endswith("/videos"):
             return self.video_bytes
         if path.endswith(("/photographs", "/frames")):
@@ -43,14 +43,14 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
-class Bounded:
-    """ASGI middleware that reads no more of a body than ``limits`` allow; raises TooMuch into whoever reads it."""
+class BodyLimit:
+    """ASGI middleware that raises LimitExceeded when a body larger than ``limits`` allow is read."""
 
     app: ASGIApp
     limits: Limits
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handle one request."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
@@ -61,14 +61,14 @@ class Bounded:
             message = await receive()
             received += len(message.get("body", b""))
             if max(received, _announced(scope)) > allowed:
-                raise TooMuch(f"more than {_size(allowed)} were sent at once; send a smaller file")
+                raise LimitExceeded(f"the upload is larger than {_size(allowed)}; send a smaller file")
             return message
 
         await self.app(scope, counted, send)
 
 
 def _announced(scope: Scope) -> int:
-    """The length of the body that the request's header tells, 0 where it tells none."""
+    """The length of the body according to the request's header; 0 if it gives none."""
     values = [value for name, value in scope["headers"] if name == b"content-length"]
     return int(values[0]) if values and values[0].isdigit() else 0
 

@@ -1,9 +1,9 @@
-"""Who may talk to the app: only pages it served itself, to people who hold the token.
+"""Access control: the app answers only requests from its own pages that carry the token.
 
-Four things are asked of every request. Its ``Host`` is a number or a name that cannot be pointed here by somebody
-else's name server (DNS rebinding); it does not come from another site (``Sec-Fetch-Site``, ``Origin``); it carries the
-token, in a cookie or, for the first page alone, in the address; and what changes anything carries a header that no
-form of another site can send. The answer lets a page load nothing from elsewhere.
+Every request must meet four conditions. Its ``Host`` is an IP address or a name that a foreign name server cannot point
+here (DNS rebinding); it does not come from another site (``Sec-Fetch-Site``, ``Origin``); it carries the token, in a
+cookie or, for the first page only, in the address; and if it changes anything, it carries a header that a form of
+another site cannot send. The headers of every answer forbid pages to load anything from elsewhere.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-COOKIE = "pinholify-token"  # and the port: browsers keep one jar for all ports of a host
+COOKIE = "pinholify-token"  # followed by the port: browsers share cookies among all ports of a host
 HEADER = "x-pinholify"
 SAFE_METHODS = frozenset(["GET", "HEAD"])
 
@@ -28,7 +28,7 @@ REPORT_POLICY = (
     "sandbox allow-scripts; default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
     "frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
 )
-"""Of a report in a tab of its own: in a sandbox it has no origin, so its script can ask nothing of the app."""
+"""For a report in its own tab: a sandbox without an origin, so that its script cannot send requests to the app."""
 
 HEADERS = {
     b"content-security-policy": PAGE_POLICY.encode(),
@@ -47,9 +47,9 @@ REFUSAL_PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>pi
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """ASGI middleware: lets a request through to ``app``, or says in a sentence why not.
+    """ASGI middleware that passes a request to ``app`` or refuses it with a sentence.
 
-    ``token`` is the secret of this run, ``host`` the name the app was told to listen on.
+    ``token`` is the secret of this run, ``host`` the name on which the app listens.
     """
 
     app: ASGIApp
@@ -57,7 +57,7 @@ class Guard:
     host: str
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handle one request."""
         if scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008})
             return
@@ -70,13 +70,13 @@ class Guard:
         await answer(scope, receive, self._with_headers(request, send))
 
     def refusal(self, request: Request) -> tuple[int, str] | None:
-        """Status and sentence where ``request`` may not pass."""
+        """The status and the sentence with which ``request`` is refused, or None."""
         if not self._known_host(request):
-            return 421, "This address is not the app's; open the one that the terminal shows."
+            return 421, "This is not the address of the app; open the address shown in the terminal."
         if _from_elsewhere(request):
             return 403, "The request came from another site and was refused."
         if not self._has_token(request):
-            return 403, "The address lacks the token of this run; open the address that the terminal shows."
+            return 403, "The address lacks the token of this run; open the address shown in the terminal."
         if request.method not in SAFE_METHODS and HEADER not in request.headers:
             return 403, "The request did not come from the app's own page and was refused."
         return None
@@ -92,7 +92,7 @@ class Guard:
         return any(hmac.compare_digest(text.encode(), self.token.encode()) for text in given)
 
     def _with_headers(self, request: Request, send: Send) -> Send:
-        """``send`` that adds the headers of every answer, and the cookie where the address brought the token."""
+        """A ``send`` that adds the common headers, and the cookie if the address contained the token."""
         cookie = f"{_cookie(request)}={self.token}; HttpOnly; SameSite=Strict; Path=/".encode()
         by_address = request.url.path == "/" and self._has_token(request)
 
@@ -126,7 +126,7 @@ def _is_number(name: str) -> bool:
 
 
 def _from_elsewhere(request: Request) -> bool:
-    """Whether another site's page sent ``request``; its link to the first page, opened by a person, is allowed."""
+    """Whether a page of another site sent ``request``; following its link to the first page is allowed."""
     origin, site = request.headers.get("origin"), request.headers.get("sec-fetch-site", "same-origin")
     if origin is not None and origin != f"{request.url.scheme}://{request.headers.get('host', '')}":
         return True
@@ -135,7 +135,7 @@ def _from_elsewhere(request: Request) -> bool:
 
 
 def refused(request: Request, status: int, sentence: str) -> Response:
-    """The answer that says why not: a page to somebody who opened the address, JSON to a program."""
+    """The answer to a refused request: a page for a browser, JSON for a program."""
     if "text/html" in request.headers.get("accept", ""):
         page = HTMLResponse(REFUSAL_PAGE.format(sentence=sentence), status)
         page.headers["content-security-policy"] = "default-src 'none'; style-src 'unsafe-inline'"

@@ -15,11 +15,11 @@ from pinholify.errors import InputError
 from pinholify.web.app import create_app
 from pinholify.web.limits import Limits
 
-GRACE = 1  # seconds that open pages get when the app ends
+GRACE = 1  # seconds for open connections to close when the app ends
 
 
 def listening(host: str, port: int) -> socket.socket:
-    """A socket that listens on ``host`` and ``port`` (0: any that is free); raises InputError where it cannot."""
+    """A socket that listens on ``host`` and ``port`` (0: any free port); raises InputError if it cannot."""
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         return socket.create_server((host, port), family=family)
@@ -29,9 +29,9 @@ def listening(host: str, port: int) -> socket.socket:
 
 
 def serve(folder: Path, host: str, port: int, *, browser: bool, announce: Callable[[str], None]) -> None:
-    """Serve until interrupted; ``announce`` is told the address, which holds the token.
+    """Serve until interrupted; ``announce`` is called with the address, which contains the token.
 
-    Raises InputError where the port is taken, OutputError where ``folder`` cannot be made.
+    Raises InputError if the port is in use, OutputError if ``folder`` cannot be created.
     """
     token = secrets.token_urlsafe(24)
     app = create_app(folder, token, Limits(), host=host)

@@ -1,13 +1,13 @@
-"""Sessions: plain data, kept on disk so that a reload or a restart loses nothing.
+"""Sessions: plain data, stored on disk so that a reload or a restart loses nothing.
 
 ::
 
-    FOLDER/<session>/session.json            what it is, and its last result
+    FOLDER/<session>/session.json            its settings and its last result
     FOLDER/<session>/<photograph>/           photograph.json, original, view.jpg, thumb.jpg
     FOLDER/<session>/solve-<id>/             camera.npz and map.npz of the last result
-    FOLDER/<session>/arriving-<id>           what is being received or made; removed when the app starts
+    FOLDER/<session>/arriving-<id>           a file that is being received or written; removed when the app starts
 
-Every name is one the app made itself. JSON files are replaced as a whole.
+The app generates all names itself. JSON files are replaced as a whole.
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ DESCRIPTION, PHOTOGRAPH = "session.json", "photograph.json"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Photograph:
-    """One picture of a session; ``size`` (width, height) px, ``bytes`` as sent, ``blur_px`` None without a board.
+    """A photograph of a session; ``size`` (width, height) in px, ``bytes`` the size of its file.
 
-    ``suggestion`` is the size of a whole board that the picture shows where it is not the session's.
+    ``blur_px`` is the standard deviation of the blur, None without a board. ``suggestion`` is the size of another whole
+    board that it shows.
     """
 
     id: str
@@ -53,15 +54,15 @@ class Photograph:
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """Its name, unique in the session."""
         return self.corners.name
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Session:
-    """A set of photographs of one board by one camera, and the last ``result`` (JSON-able).
+    """A set of photographs of one board by one camera, and the last ``result`` (JSON-serialisable).
 
-    ``board`` is None until a photograph tells it; ``solve`` names the folder of the last result.
+    ``board`` is None until it is detected in a photograph; ``solve`` names the folder of the last result.
     """
 
     id: str
@@ -74,26 +75,26 @@ class Session:
     result: dict[str, Any] | None = field(default=None)
 
     def photograph(self, photograph_id: str) -> Photograph | None:
-        """The photograph of that id."""
+        """The photograph with that id."""
         return next((p for p in self.photographs if p.id == photograph_id), None)
 
     @property
     def usable(self) -> tuple[Photograph, ...]:
-        """Photographs that show the board and are included, of the most frequent size."""
+        """The included photographs that show the board and have the most frequent size."""
         found = [p for p in self.photographs if p.included and p.corners.found]
         sizes = [p.size for p in found]
         usual = max(sizes, key=sizes.count, default=None)
         return tuple(p for p in found if p.size == usual)
 
     def corner_set(self) -> CornerSet | None:
-        """The corners of all usable photographs."""
+        """The corners of all usable photographs, None if there are none."""
         usable = self.usable
         if not usable or self.board is None:
             return None
         return CornerSet(self.board, usable[0].size, tuple(p.corners for p in usable))
 
     def free_name(self, wanted: str) -> str:
-        """``wanted`` without blanks and whatever else may do harm, made unlike all other names of the session."""
+        """``wanted`` without folders, blanks and unsafe characters, made unique in the session."""
         last = re.split(r"[/\\]", wanted)[-1]
         stem = re.sub(r"[^\w.()+-]+", "_", last).strip("_.")[-LONGEST_NAME:] or "picture"
         taken, name, count = {p.name for p in self.photographs}, stem, 1
@@ -103,7 +104,7 @@ class Session:
         return name
 
     def with_photograph(self, photograph: Photograph) -> Session:
-        """The session with ``photograph`` in place of the one of its id, or after all others."""
+        """The session with ``photograph`` in place of the one with its id, or appended."""
         if self.photograph(photograph.id) is None:
             return replace(self, photographs=(*self.photographs, photograph))
         changed = tuple(photograph if p.id == photograph.id else p for p in self.photographs)
@@ -115,22 +116,22 @@ class Session:
 
 
 def new_id() -> str:
-    """A name nobody can guess and every file system takes."""
+    """A random name that cannot be guessed and is valid on every file system."""
     return secrets.token_hex(8)
 
 
 class Store:
-    """The sessions in one folder, of which a session is read when it is first asked for."""
+    """The sessions in a folder; each is read on first access."""
 
     def __init__(self, folder: Path) -> None:
-        """Makes ``folder`` where it is not there."""
+        """Creates ``folder`` if it does not exist; raises OutputError if it cannot."""
         self.folder = make_folder(folder)
         for left in self.folder.glob("arriving-*"):
             shutil.rmtree(left, ignore_errors=True)
         self._sessions: dict[str, Session] = {}
 
     def ids(self) -> list[str]:
-        """All sessions, the newest first."""
+        """The ids of all sessions, newest first."""
         found = [p.parent for p in self.folder.glob(f"*/{DESCRIPTION}")]
         return [p.name for p in sorted(found, key=lambda p: p.stat().st_mtime, reverse=True)]
 
@@ -142,19 +143,19 @@ class Store:
         return session
 
     def get(self, session_id: str) -> Session | None:
-        """The session of that id, None where there is none that can be read."""
+        """The session with that id, None if it does not exist or cannot be read."""
         if session_id not in self._sessions:
             if not re.fullmatch(r"[0-9a-f]{16}", session_id) or not (self.path(session_id) / DESCRIPTION).is_file():
                 return None
             try:
                 self._sessions[session_id] = self._read(session_id)
             except (KeyError, TypeError, ValueError, BoardError) as error:
-                log.warning("the session in %s is damaged and left alone: %r", self.path(session_id), error)
+                log.warning("the session in %s is damaged and was skipped: %r", self.path(session_id), error)
                 return None
         return self._sessions[session_id]
 
     def put(self, session: Session) -> None:
-        """Keep ``session``; its photographs are kept by :meth:`put_photograph`."""
+        """Store ``session``; its photographs are stored by :meth:`put_photograph`."""
         self._sessions[session.id] = session
         data = {
             "created": session.created,
@@ -168,11 +169,11 @@ class Store:
         _write_json(self.path(session.id) / DESCRIPTION, data)
 
     def put_photograph(self, session: Session, photograph: Photograph) -> None:
-        """Keep what is known of one photograph."""
+        """Store the data of a photograph."""
         _write_json(self.path(session.id, photograph.id) / PHOTOGRAPH, photograph_to_json(photograph))
 
     def remove(self, session_id: str, *parts: str) -> None:
-        """Remove the folder or file of a session, a photograph or a solve; the session itself without ``parts``."""
+        """Remove the file or folder ``parts`` of a session; without ``parts``, the session itself."""
         if not parts:
             self._sessions.pop(session_id, None)
         path = self.path(session_id, *parts)
@@ -182,11 +183,11 @@ class Store:
             path.unlink(missing_ok=True)
 
     def path(self, session_id: str, *parts: str) -> Path:
-        """Where something of a session lies."""
+        """The path of a session's folder, or of the file or folder ``parts`` in it."""
         return self.folder.joinpath(session_id, *parts)
 
     def arriving(self, session_id: str) -> Path:
-        """A new place for what is being received or made."""
+        """A new path for a file or folder that is being received or written."""
         return self.path(session_id, f"arriving-{new_id()}")
 
     def _read(self, session_id: str) -> Session:
@@ -212,14 +213,14 @@ class Store:
                 yield _photograph_from_json(photograph_id, json.loads(path.read_text(encoding="utf-8")))
 
     def _tidy(self, session_id: str, known: set[str | None]) -> None:
-        """Remove what an interrupted run left."""
+        """Remove files that an interrupted run left."""
         for path in list(self.path(session_id).iterdir()):
             if path.name not in known:
                 self.remove(session_id, path.name)
 
 
 def photograph_to_json(photograph: Photograph) -> dict[str, Any]:
-    """All of ``photograph`` but its id, as JSON."""
+    """``photograph`` without its id, as JSON."""
     corners = photograph.corners
     return {
         "name": corners.name,

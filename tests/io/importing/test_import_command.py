@@ -95,7 +95,7 @@ def test_theirs_is_compared_with_ours_and_scored_on_boards(run, tmp_path):
     assert "  f            420.00000 px\n" in out
     assert " mm" not in out
     words = " ".join(out.split())  # what it was made of is in no file of theirs
-    assert "Good: these photographs, which it may have seen or not, are off by 0.07 px, how well f is known is" in words
+    assert "Good: error 0.07 px on these photographs, which it may have been made from, the file gives no" in words
 
 
 def test_a_reflection_is_said(run, tmp_path):

@@ -1,4 +1,4 @@
-"""Who does the jobs. An executor yields every job's outcome once, in any order, whatever becomes of single workers."""
+"""Executors of jobs. Each yields every job's outcome once, in any order, even if workers die."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pinholify.batch.executors.serial import in_series
 from pinholify.batch.jobs import Job, Outcome
 
 Executor = Callable[[Work, Sequence[Job], str], Iterator[Outcome]]
-"""The last argument says where: nothing, a number of processes, the address of a scheduler."""
+"""The last argument is the place of work: ignored, a number of processes, or the address of a scheduler."""
 
 EXECUTORS: dict[str, Executor] = {
     "serial": in_series,

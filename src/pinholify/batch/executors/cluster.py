@@ -1,4 +1,4 @@
-"""A dask cluster (extra ``cluster``). The scheduler gives a dead worker's jobs to the others."""
+"""Execution on a dask cluster (extra ``cluster``). The scheduler gives a dead worker's jobs to the others."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from pinholify.errors import InputError, OutputError
 from pinholify.io.places import absolute
 
 PATIENCE = 10.0
-"""s until a scheduler must have answered."""
-GONE = "the scheduler went away before all was done; the same command with --resume does the rest"
-ASKED, PAUSE = 10, 0.5
-"""How often a worker's answer is asked for, and s between."""
+"""Seconds to wait for a scheduler."""
+GONE = "the scheduler stopped before all jobs were done; run the same command with --resume to do the rest"
+ATTEMPTS, PAUSE = 10, 0.5
+"""How often a result is requested, and the seconds between."""
 
 
 def on_cluster(work: Work, jobs: Sequence[Job], where: str) -> Iterator[Outcome]:
     """The outcomes of ``jobs``, done by the workers of the scheduler at ``where``, e.g. tcp://127.0.0.1:8786.
 
-    Raises InputError where no scheduler answers, OutputError where it goes away before the jobs have ended.
+    Raises InputError if no scheduler answers, OutputError if it stops before the jobs have ended.
     """
     distributed = _distributed()
     with _connected(distributed, where) as client:
-        # The work is a task too: jobs share its result, and it is made again should the worker that holds it die.
+        # The work is a task as well: jobs share its result, and it is recomputed if the worker that holds it dies.
         shared = client.submit(_itself, work, pure=False)
         futures = client.map(attempt, [shared] * len(jobs), [_elsewhere(job) for job in jobs], pure=False)
         job_of = {future.key: job for future, job in zip(futures, jobs, strict=True)}
@@ -40,12 +40,12 @@ def _itself(work: Work) -> Work:
 
 
 def _elsewhere(job: Job) -> Job:
-    """As a worker knows it, whose working folder is another."""
+    """``job`` with absolute paths, for workers with another working folder."""
     return Job(absolute(job.source), absolute(job.target))
 
 
 def _distributed() -> Any:
-    """The package, which has no types."""
+    """The package ``distributed``, which has no type hints."""
     try:
         return importlib.import_module("distributed")
     except ImportError:
@@ -62,22 +62,22 @@ def _connected(distributed: Any, address: str) -> Any:
 
 
 def _outcome(distributed: Any, future: Any, job: Job) -> Outcome:
-    # A "lost" result went with its worker, and others make it again; "cancelled" is what a gone scheduler leaves.
+    # A "lost" result died with its worker and is recomputed by others; "cancelled" means that the scheduler stopped.
     if future.status == "cancelled":
         raise OutputError(GONE)
     try:
         return Outcome(job, _result(distributed, future).failure)
     except distributed.KilledWorker:
-        return Outcome(job, f"'{job.source}': worker after worker died of it; perhaps for want of memory")
+        return Outcome(job, f"'{job.source}': several workers died of it, perhaps for lack of memory")
     except CancelledError:
         raise OutputError(GONE) from None
 
 
 def _result(distributed: Any, future: Any) -> Any:
-    """What ``future`` brought; asked again where a worker died while it answered, for others then do its job."""
-    for _ in range(ASKED):
+    """The result of ``future``, requested again if a worker dies while sending it, since others repeat its job."""
+    for _ in range(ATTEMPTS):
         try:
             return future.result()
         except distributed.comm.CommClosedError:
             time.sleep(PAUSE)
-    raise OutputError("the cluster's workers go away as they are asked; the same command with --resume does the rest")
+    raise OutputError("the cluster's workers keep dying; run the same command with --resume to do the rest")

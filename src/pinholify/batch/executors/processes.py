@@ -1,4 +1,4 @@
-"""Several processes of this machine. Where one dies, the jobs it may have died of are tried again, each by itself."""
+"""Execution in several processes of this machine. If one dies, the jobs it may have died of are retried one by one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One job after the other, in this process."""
+"""Execution in this process, one job after another."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pinholify.batch.jobs import Job, Outcome
 from pinholify.errors import ImageError
 
 Work = Callable[[Job], None]
-"""Does a job; an ImageError is that job's failure, any other error the end of the run."""
+"""Does a job; an ImageError is a failure of that job, any other error ends the run."""
 
 
 def in_series(work: Work, jobs: Sequence[Job], where: str = "") -> Iterator[Outcome]:

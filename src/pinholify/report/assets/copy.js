@@ -1,10 +1,10 @@
-// A button beside each block of lines that copies it; where the browser forbids that, selects it.
+// Adds a button to each block of code that copies it, or selects it where the browser forbids copying.
 "use strict";
 for (const snippet of document.querySelectorAll(".snippet")) {
   const code = snippet.querySelector("code");
   const title = snippet.querySelector("h3").textContent;
   const button = document.createElement("button");
-  const said = (text) => {
+  const label = (text) => {
     button.textContent = text;
     setTimeout(() => { button.textContent = "Copy"; }, 2000);
   };
@@ -14,10 +14,10 @@ for (const snippet of document.querySelectorAll(".snippet")) {
   button.addEventListener("click", async () => {
     try {
       await navigator.clipboard.writeText(code.textContent);
-      said("Copied");
+      label("Copied");
     } catch {
       getSelection().selectAllChildren(code);
-      said("Selected");
+      label("Selected");
     }
   });
   snippet.append(button);

@@ -1,4 +1,4 @@
-// Turns the boards and lines of sight: by dragging, by the keyboard or by buttons. Orthographic; x right, y down, z ahead.
+// Rotates the boards and lines of sight by dragging, keyboard or buttons. Orthographic; x right, y down, z forward.
 "use strict";
 for (const scene of document.querySelectorAll(".scene")) {
   const data = JSON.parse(scene.querySelector("script").textContent);
@@ -119,7 +119,7 @@ for (const scene of document.querySelectorAll(".scene")) {
   });
   canvas.addEventListener("pointerleave", () => name(-1));
   canvas.addEventListener("wheel", (event) => {
-    if (document.activeElement !== canvas && !event.ctrlKey) return; // the page scrolls, unless the scene was chosen
+    if (document.activeElement !== canvas && !event.ctrlKey) return; // the page scrolls unless the scene has focus
     event.preventDefault();
     zoom(Math.exp(-0.002 * event.deltaY));
   }, { passive: false });

@@ -1,4 +1,4 @@
-// Lays a straightened picture over its photograph, and lets a slider, a finger or the mouse draw the border.
+// Lays a straightened picture over its photograph; a slider, a finger or the mouse moves the border between them.
 "use strict";
 for (const compare of document.querySelectorAll(".compare")) {
   const slider = compare.querySelector("input");

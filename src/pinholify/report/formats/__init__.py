@@ -1,4 +1,4 @@
-"""The formats a report is written in. A new one is a module with ``render`` and one line here."""
+"""The formats in which a report is written. To add one, write a module with ``render`` and add a line here."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ FORMATS: dict[str, Callable[[Report], str]] = {
     "md": markdown.render,
     "json": json.render,
 }
-"""A report as text, by the format's name, which is also its file's ending."""
+"""Functions that render a report as text, by format; the names are also file extensions."""
 
 MARK = "pinholify-report"
-"""Stands near the start of every report, whatever its format."""
+"""A mark near the start of every report, whatever its format."""
 
 MARK_WITHIN = 2048  # bytes
 
 
 def render(report: Report, form: str) -> str:
-    """``report`` as text in the format ``form``; raises InputError for one that is not known."""
+    """``report`` as text in the format ``form``; raises InputError for an unknown format."""
     if form not in FORMATS:
-        raise InputError(f"'{form}' is no format of reports; the formats are: {', '.join(FORMATS)}")
+        raise InputError(f"unknown report format '{form}': choose one of {', '.join(FORMATS)}")
     text = FORMATS[form](report)
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")  # names of files may hold what no text does
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")  # file names may not be valid Unicode
 
 
 def write_report(path: str | os.PathLike[str], report: Report, form: str = "html") -> None:
-    """Write ``report`` to ``path``, whole or not at all; raises OutputError where that fails."""
+    """Write ``report`` to ``path``, whole or not at all; raises OutputError if that fails."""
     text = render(report, form)
     with writing_text(path) as stream:
         stream.write(text)
 
 
 def is_report(path: Path) -> bool:
-    """Whether ``path`` is a report of ours, of any format."""
+    """Whether the file ``path`` is a report, in any format."""
     with path.open("rb") as file:
         return MARK.encode() in file.read(MARK_WITHIN)

@@ -1,4 +1,4 @@
-"""A report as one web page that loads nothing: style, scripts and pictures are in it."""
+"""A report as a self-contained web page: style, scripts and pictures are embedded."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SCRIPTS = ("slider.js", "scene.js", "copy.js")
 
 
 def snippets(report: Report) -> Markup:
-    """Lines to copy."""
+    """Code to copy."""
     blocks = (
         element("div", element("h3", s.title), element("pre", element("code", s.text), tabindex=0), class_="snippet")
         for s in report.usage
@@ -38,14 +38,14 @@ FIGURES: dict[str, Callable[[Report], Markup]] = {
     "comparison": model_bars,
     "usage": snippets,
 }
-"""What is drawn in a section, by its key."""
+"""Functions that draw the figures of sections, by key."""
 
 DRAWN_TABLES = ("photographs",)
-"""Sections whose figure says all that their table would."""
+"""Sections whose figure replaces their tables."""
 
 
 def render(report: Report) -> str:
-    """The page."""
+    """``report`` as HTML."""
     template = Template(_asset("page.html"))
     return template.substitute(
         generator=joined([report.software]),
@@ -63,14 +63,15 @@ def _asset(name: str) -> str:
 
 def _header(report: Report) -> Markup:
     overview = report.overview
-    reasons = overview.sentence.partition(": ")[2] or overview.sentence
     verdict = element(
         "p",
         element("strong", overview.level.capitalize(), class_=f"level {overview.level}"),
         " ",
-        element("span", reasons[:1].upper() + reasons[1:]),
+        element("span", _sentence(overview.headline)),
         class_="verdict",
     )
+    remarks = (*overview.reasons, *([] if overview.next_board is None else [overview.next_board]))
+    reasons = element("ul", *(element("li", _sentence(remark)) for remark in remarks), class_="reasons")
     tiles = (
         element("div", element("dt", label), element("dd", value, element("small", meaning)))
         for label, value, meaning in facts(report)
@@ -82,11 +83,17 @@ def _header(report: Report) -> Markup:
             element("h1", title(report)),
             element("p", subtitle(report), class_="subtitle"),
             verdict,
+            reasons if remarks else "",
             element("dl", *tiles, class_="facts"),
             missing if report.missing else "",
             element("nav", element("ol", *links), aria_label="Sections of this report"),
         ]
     )
+
+
+def _sentence(clause: str) -> str:
+    """``clause`` with a capital and a full stop."""
+    return f"{clause[:1].upper()}{clause[1:]}."
 
 
 def _section(section: Section, report: Report) -> Markup:

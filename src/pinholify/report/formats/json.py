@@ -1,4 +1,4 @@
-"""A report as JSON: the fields of :class:`~pinholify.report.contents.Report` and its parts, pictures left out."""
+"""A report as JSON: the fields of :class:`~pinholify.report.contents.Report` and its parts, without pictures."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ PICTURES = ("frames", "thumbnail")
 
 
 def render(report: Report) -> str:
-    """The object as text."""
+    """``report`` as JSON text."""
     return json.dumps(as_object(report), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def as_object(report: Report) -> dict[str, Any]:
-    """The report as plain dicts, lists, numbers and texts; numbers that do not exist are None."""
+    """The report as dicts, lists, numbers and strings; numbers that are not finite become None."""
     return {"format": FORMAT, "format_version": FORMAT_VERSION, **_plain(report)}
 
 

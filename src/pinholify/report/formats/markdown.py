@@ -1,36 +1,41 @@
-"""A report as Markdown: words and tables, to paste into a ticket; pictures are in the HTML."""
+"""A report as Markdown: text and tables without pictures, to paste into an issue."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 
 from pinholify.report.contents import Report
-from pinholify.report.narrative import Section, Table, facts, sections, subtitle, title
+from pinholify.report.narrative import Section, facts, sections, subtitle, title
 
 
 def render(report: Report) -> str:
-    """The report as text in GitHub's Markdown."""
+    """``report`` as GitHub Markdown."""
     overview = report.overview
     parts = [f"<!-- pinholify-report: {report.software} -->", f"# {escape(title(report))}", escape(subtitle(report))]
     parts += [f"**{escape(overview.sentence)}**"]
     parts.append("\n".join(f"- **{label}**: {value} ({meaning})" for label, value, meaning in facts(report)))
     parts += [escape(sentence) for sentence in report.missing]
-    parts += [_section(section) for section in sections(report) if section.tables or section.paragraphs]
-    snippets = (f"### {s.title}\n\n```{s.language}\n{s.text}```" for s in report.usage)
-    at = next(i for i, part in enumerate(parts) if part.startswith("## How to use it"))
-    return "\n\n".join([*parts[: at + 1], *snippets, *parts[at + 1 :]]) + "\n"
+    for section in sections(report):
+        if section.tables or section.paragraphs:
+            parts.append(_section(section))
+        if section.key == "usage":
+            parts += [f"### {s.title}\n\n```{s.language}\n{s.text}```" for s in report.usage]
+    return "\n\n".join(parts) + "\n"
 
 
 def _section(section: Section) -> str:
-    return "\n\n".join([f"## {section.title}", *map(escape, section.paragraphs), *map(_table, section.tables)])
+    tables = (table_text(table.header, table.rows, numeric=table.numeric) for table in section.tables)
+    return "\n\n".join([f"## {section.title}", *map(escape, section.paragraphs), *tables])
 
 
-def _table(table: Table) -> str:
-    rule = ["---", *["---:" if table.numeric else "---"] * (len(table.header) - 1)]
-    rows = (map(escape, table.header), rule, *(map(escape, row) for row in table.rows))
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+def table_text(header: Sequence[str], rows: Iterable[Sequence[str]], *, numeric: bool = True) -> str:
+    """A table in Markdown; all columns but the first are aligned to the right where they are ``numeric``."""
+    rule = ["---", *["---:" if numeric else "---"] * (len(header) - 1)]
+    lines = (map(escape, header), rule, *(map(escape, row) for row in rows))
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def escape(text: str) -> str:
-    """``text`` so that Markdown shows it as it is: no markup, no HTML, no new line."""
+    """``text`` escaped so that Markdown shows it unchanged, on one line."""
     return re.sub(r"([\\`*_{}\[\]<>#|~])", r"\\\1", " ".join(text.split()))

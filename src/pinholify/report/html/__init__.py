@@ -1,1 +1,1 @@
-"""The report as a web page: markup, figures and the scripts that turn and slide them."""
+"""Markup and figures of the report as a web page."""

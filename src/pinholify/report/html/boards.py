@@ -1,4 +1,4 @@
-"""Photographs on the page: the list of their errors, and a card each."""
+"""Photographs on the page: the list of their errors, and a card for each."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pinholify.report.html.markup import Markup, dots, drawing, element, joined,
 from pinholify.report.narrative import model_name, residual_scale, state
 from pinholify.report.numerals import angle, number, px
 
-LARGEST_DOT, SMALLEST_DOT = 1 / 62, 1 / 200  # of a photograph's width: a corner's diameter
-DOT_SPACING = 0.4  # of the corners' distance, in between
-RESIDUAL = 1 / 170  # the same, of a residual's line
-RING = 12  # points of an open circle
+LARGEST_DOT, SMALLEST_DOT = 1 / 62, 1 / 200  # diameter of a corner, as a fraction of the photograph's width
+DOT_SPACING = 0.4  # diameter of a corner between these limits, as a fraction of the corners' spacing
+RESIDUAL = 1 / 170  # width of a residual's line, as a fraction of the photograph's width
+RING = 12  # segments of a circle
 
 
 def error_bars(report: Report) -> Markup:
-    """A line a photograph: its name, a bar and its error."""
+    """One line per photograph: its name, a bar and its error."""
     longest = max([entry.worst_px for entry in report.boards if entry.worst_px is not None], default=1.0)
     scale = 100.0 / max(longest, report.overview.floor_px, 1e-9)
     rows = (_bar(i, entry, report.overview.floor_px, scale) for i, entry in enumerate(report.boards))
@@ -26,7 +26,7 @@ def error_bars(report: Report) -> Markup:
 
 
 def model_bars(report: Report) -> Markup:
-    """A line a model: the bar is its held-out error, the dot its error in sample."""
+    """One line per model: the bar is its held-out error, the dot its in-sample error."""
     compared = report.comparison
     scores: list[tuple[str, float | None, float | None]]
     scores = [(f"pinholify, {compared.method}", compared.heldout_px, compared.insample_px)]
@@ -57,7 +57,7 @@ def _bar(index: int, entry: BoardEntry, floor: float, scale: float) -> Markup:
 
 
 def cards(report: Report) -> Markup:
-    """A card a photograph: thumbnail, corners, residuals and what they say."""
+    """One card per photograph: thumbnail, corners, residuals and numbers."""
     scale = residual_scale(report)
     each = (_card(i, entry, report.image_size, scale) for i, entry in enumerate(report.boards))
     return element("div", *each, class_="photographs")
@@ -75,7 +75,7 @@ def _card(index: int, entry: BoardEntry, size: tuple[int, int], scale: float) ->
 
 
 def _overlay(entry: BoardEntry, size: tuple[int, int], scale: float) -> Markup:
-    """Corners and residuals over a photograph; each twice, the first time as a dark rim."""
+    """Corners and residuals over a photograph, each drawn twice, first as a dark outline."""
     width = size[0]
     counted = entry.corners[entry.counted]
     arrows = np.stack([counted, counted + scale * entry.residuals[entry.counted]], axis=1)
@@ -90,12 +90,12 @@ def _overlay(entry: BoardEntry, size: tuple[int, int], scale: float) -> Markup:
             polylines(crosses, f"misplaced {rim}", stroke_width=_width(RESIDUAL * width * wider)),
             polylines(arrows, f"residual {rim}", stroke_width=_width(RESIDUAL * width * wider)),
         ]
-    found = f"{len(entry.corners)} corners found, {len(counted)} count" if len(entry.corners) else "no board found"
+    found = f"{len(entry.corners)} corners found, {len(counted)} used" if len(entry.corners) else "no board found"
     return drawing(size, *parts, label=f"{entry.name}: {found}")
 
 
 def _dot(corners: Floats, width: float) -> float:
-    """A corner's diameter: smaller where they lie close together."""
+    """The diameter of a corner, smaller where corners are close together."""
     spacing = float(np.sqrt(np.ptp(corners, axis=0).prod() / len(corners))) if len(corners) else 0.0
     return float(np.clip(DOT_SPACING * spacing, SMALLEST_DOT * width, LARGEST_DOT * width))
 
@@ -110,22 +110,22 @@ def _ring(centre: Floats, radius: float) -> Floats:
 
 
 def _cross(centre: Floats, reach: float) -> tuple[Floats, Floats]:
-    """Its two strokes."""
+    """The two strokes of a cross."""
     slope = reach * np.array([[-1.0, -1.0], [1.0, 1.0]])
     return centre + slope, centre + slope * [1.0, -1.0]
 
 
 def _badge(entry: BoardEntry) -> Markup:
-    said = [element("span", state(entry), class_="badge in" if entry.included else "badge out")]
+    badges = [element("span", state(entry), class_="badge in" if entry.included else "badge out")]
     if entry.ratio is not None:
-        said.append(element("span", f"looks wrong: {entry.ratio:.1f} times the noise", class_="badge wrong"))
+        badges.append(element("span", f"suspicious: {entry.ratio:.1f} times the noise", class_="badge wrong"))
     if entry.crowded:
-        said.append(element("span", "too many wrong corners", class_="badge wrong"))
+        badges.append(element("span", "too many wrong corners", class_="badge wrong"))
     if entry.note:
-        said.append(element("span", entry.note, class_="badge out"))
+        badges.append(element("span", entry.note, class_="badge out"))
     if entry.ambiguous_offset:
-        said.append(element("span", "which part of the board is seen was assumed", class_="badge out"))
-    return joined(said)
+        badges.append(element("span", "visible part of the board assumed", class_="badge out"))
+    return joined(badges)
 
 
 def _numbers(entry: BoardEntry) -> Markup:

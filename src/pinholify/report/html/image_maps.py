@@ -1,4 +1,4 @@
-"""Drawings over the image's own area: coverage, standard deviation, residuals."""
+"""Maps drawn over the area of the image: coverage, standard deviation, residuals."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pinholify.report.numerals import px
 
 LAYER = 0.17  # opacity that each level of standard deviation adds
 MOST_DOTS = 4000
-CLOUD = 400.0  # units of the cloud's drawing
-CLOUD_REACH = 4.0  # standard deviations that it shows at least
-HEAD = 0.3  # of an arrow's length
+CLOUD = 400.0  # side of the cloud's drawing, in its own units
+CLOUD_REACH = 4.0  # standard deviations that the cloud shows at least
+HEAD = 0.3  # length of an arrow's head, as a fraction of the arrow
 
 
 def coverage_map(report: Report) -> Markup:
-    """Boards seen, the camera's domain and the next board."""
+    """The areas of the boards, the camera's domain and the best next board."""
     size, coverage = report.image_size, report.coverage
     width = size[0]
     corners = np.concatenate([entry.corners[entry.counted] for entry in report.boards])
@@ -30,12 +30,12 @@ def coverage_map(report: Report) -> Markup:
     if coverage.next_board is not None:
         dashes = f"{width / 60:.1f} {width / 90:.1f}"
         parts.append(outline([coverage.next_board], "next", stroke_width=width / 200, stroke_dasharray=dashes))
-    label = f"Map of the image: corners cover it as far as the outline goes, {coverage.share:.0%} of it"
+    label = f"Map of the image: corners cover the outlined {coverage.share:.0%} of it"
     return _framed(drawing(size, *parts, label=label))
 
 
 def _layer(count: int) -> str:
-    """Opacity of one board's area among ``count``: all together never quite hide each other."""
+    """Opacity of the area of one of ``count`` boards, so that all of them together stay translucent."""
     return f"{float(np.clip(1.6 / max(count, 1), 0.03, 0.3)):.3f}"
 
 
@@ -49,16 +49,16 @@ def _thinned(points: Floats) -> Floats:
 
 
 def certainty_map(report: Report) -> Markup:
-    """Levels of the standard deviation, with their legend."""
+    """Contours of the standard deviation, with their legend."""
     certainty = report.certainty
     layers = (outline(region, "layer", opacity=LAYER) for region in certainty.regions)
-    believed = outline(report.coverage.believed, "believed", stroke_width=report.image_size[0] / 240)
+    domain = outline(report.coverage.believed, "believed", stroke_width=report.image_size[0] / 240)
     label = f"Map of the standard deviation over the image: median {px(certainty.inside_px)} in the camera's domain"
-    return joined([_framed(drawing(report.image_size, *layers, believed, label=label)), _legend(certainty.levels)])
+    return joined([_framed(drawing(report.image_size, *layers, domain, label=label)), _legend(certainty.levels)])
 
 
 def _legend(levels: tuple[float, ...]) -> Markup:
-    """What each strength of colour means."""
+    """The range of standard deviations that each shade stands for."""
     names = [f"below {(levels or LEVELS)[0]:g} px"]
     names += [f"{low:g} – {high:g}" for low, high in pairwise(levels)]
     names += [f"above {level:g}" for level in levels[-1:]]
@@ -70,7 +70,7 @@ def _legend(levels: tuple[float, ...]) -> Markup:
 
 
 def residual_map(report: Report) -> Markup:
-    """Mean residuals over the image, and all of them around zero."""
+    """Mean residuals over the image, and the cloud of all residuals."""
     field = report.residuals
     tips = field.centres + field.magnification * field.means
     arrows = [_arrow(start, tip) for start, tip in zip(field.centres, tips, strict=True)]
@@ -79,12 +79,12 @@ def residual_map(report: Report) -> Markup:
         dots(field.centres, "speck", stroke_width=width / 200),
         polylines(arrows, "arrow", stroke_width=f"{width / 320:.2f}"),
     ]
-    label = f"Mean residuals over the image, {field.magnification:g} times as long as they are"
+    label = f"Mean residuals over the image, drawn {field.magnification:g} times as long"
     return element("div", _framed(drawing(report.image_size, *parts, label=label)), _cloud(report), class_="pair wide")
 
 
 def _arrow(start: Floats, tip: Floats) -> Floats:
-    """A line from ``start`` to ``tip`` and back along two barbs."""
+    """A polyline (6, 2) from ``start`` to ``tip`` and along the two strokes of the head."""
     back = HEAD * (start - tip)
     aside = np.array([-back[1], back[0]]) * 0.6
     return np.array([start, tip, tip + back + aside, tip, tip + back - aside])
@@ -102,5 +102,5 @@ def _cloud(report: Report) -> Markup:
     )
     cross = [np.array([[middle, 0.0], [middle, CLOUD]]), np.array([[0.0, middle], [CLOUD, middle]])]
     content = [polylines(cross, "axis"), dots(places, "speck", stroke_width=4), *rings]
-    label = f"All residuals around zero, {px(reach)} to each side"
+    label = f"Cloud of all residuals, up to {px(reach)} along each axis"
     return _framed(drawing((CLOUD, CLOUD), *content, label=label))

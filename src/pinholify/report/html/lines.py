@@ -1,4 +1,4 @@
-"""Straight lines, drawn: the photograph's frames with rulers, and a board's bends."""
+"""Drawings of straightness: frames with ruled lines, and the rows and columns of a board."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pinholify.report.pictures import Frame, Picture
 from pinholify.report.straightness import Bends
 
 BENDS = 400.0  # units of a drawing of bends
-MARGIN = 0.08  # of it
+MARGIN = 0.08  # of the drawing
 
 
 def frames(report: Report) -> Markup:
-    """Each frame before and after: side by side, or under a slider where scripts run."""
+    """Each frame before and after straightening: side by side, or with a slider where scripts run."""
     return joined(_frame(i, frame) for i, frame in enumerate(report.frames))
 
 
@@ -24,7 +24,7 @@ def _frame(index: int, frame: Frame) -> Markup:
     after = _half(frame.after, frame.ruler_after, f"{frame.name} straightened", "straightened")
     slider = element(
         "input", type="range", min=0, max=100, value=50, step=1, id=f"slider-{index}", class_="slider", hidden=True,
-        aria_label=f"{frame.name}: how much of the photograph is shown before straightening, per cent",
+        aria_label=f"{frame.name}: percentage shown before straightening",
     )
     style = f"--width:{frame.before.width}"
     name = element("p", frame.name, class_="name")
@@ -39,7 +39,7 @@ def _half(image: Picture, ruler: Floats, alt: str, tag: str) -> Markup:
 
 
 def bends(report: Report) -> Markup:
-    """The lines of one board, before and after."""
+    """The rows and columns of one board, in the photograph and in the virtual plane."""
     lines = report.straightness
     return element(
         "div",

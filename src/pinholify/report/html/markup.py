@@ -1,4 +1,4 @@
-"""Small writers of HTML and SVG. Every text and attribute is escaped here, and nowhere else."""
+"""Functions that write HTML and SVG. All text and attributes are escaped here and nowhere else."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ VOID = {"img", "input"}
 
 
 class Markup(str):
-    """Text that is markup already; any other text is escaped when it is put into an element."""
+    """Text that is already markup; any other text is escaped when it becomes part of an element."""
 
     __slots__ = ()
 
 
 def element(name: str, *content: str, **attributes: str | float | bool | None) -> Markup:
-    """The element ``name``. An attribute's ``_`` stands for ``-``, a final one for none; None and False leave it out.
+    """The element ``name`` with ``content`` and ``attributes``; those that are None or False are left out.
+
+    An underscore in an attribute's name stands for a hyphen; a final one is dropped.
 
     >>> element("p", "a < b", class_="note")
     '<p class="note">a &lt; b</p>'
@@ -36,26 +38,26 @@ def _attribute(key: str, value: str | float | bool | None) -> str:
 
 
 def joined(content: Iterable[str]) -> Markup:
-    """Pieces of text and markup one after another."""
+    """Text and markup, concatenated and escaped."""
     return Markup("".join(part if isinstance(part, Markup) else escape(part) for part in content))
 
 
 def picture(image: Picture, alt: str) -> Markup:
-    """The picture itself, as a part of the page."""
+    """The picture as an element with its data embedded."""
     data = base64.b64encode(image.data).decode("ascii")
     source = f"data:{image.media_type};base64,{data}"
     return element("img", src=source, alt=alt, width=image.width, height=image.height)
 
 
 def drawing(size: tuple[float, float], *content: str, label: str = "", class_: str = "") -> Markup:
-    """An SVG of ``size`` in its own units; without a ``label`` it is decoration, which no screen reader mentions."""
+    """An SVG of ``size`` in its own units; without a ``label`` it is hidden from screen readers as decoration."""
     named = {"role": "img", "aria_label": label} if label else {"aria_hidden": "true"}
     width, height = size
     return element("svg", *content, viewbox=f"0 0 {width:g} {height:g}", class_=class_ or None, **named)
 
 
 def outline(polygons: Iterable[Floats], class_: str, **attributes: str | float) -> Markup:
-    """Closed polygons (n, 2) as one path, holes by the even-odd rule."""
+    """Closed polygons (n, 2) as one path, with holes by the even-odd rule."""
     steps = "".join(f"M{_points(polygon)}Z" for polygon in polygons)
     return element("path", d=steps, class_=class_, fill_rule="evenodd", **attributes)
 
@@ -66,7 +68,7 @@ def polylines(lines: Iterable[Floats], class_: str, **attributes: str | float) -
 
 
 def dots(points: Floats, class_: str, **attributes: str | float) -> Markup:
-    """Points (n, 2) as one path of round caps; the stroke's width is their diameter."""
+    """Points (n, 2) as one path of round caps; the stroke width is their diameter."""
     return element("path", d="".join(f"M{_point(p)}h0" for p in points), class_=class_, **attributes)
 
 

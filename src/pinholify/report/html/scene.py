@@ -1,4 +1,4 @@
-"""The scene on the page: a still drawing, which a script replaces by one that turns."""
+"""The scene on the page: a still drawing, which a script replaces with one that can be rotated."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from pinholify.report.scene import Scene
 
 YAW, PITCH = 0.65, 0.35  # of the first view, radians
 STILL = (800.0, 480.0)
-FILL = 0.45  # of the drawing's width and height: how far from its middle the scene reaches at first
+FILL = 0.45  # initial extent of the scene from its centre, as a fraction of the drawing's width and height
 CROSSINGS = 300.0
-HELP = "Drag to turn; with the keyboard, arrow keys turn, + and − zoom and 0 resets."
+HELP = "Drag to rotate. Keyboard: arrow keys rotate, + and − zoom, 0 resets."
 
 
 def turning_scene(report: Report) -> Markup:
-    """Still drawing, canvas and buttons; beside them where the lines pass the centre."""
+    """The still drawing, canvas and buttons, and a drawing of where the lines pass the centre."""
     scene = report.scene
     canvas = element(
-        "canvas", tabindex=0, hidden=True, role="img", aria_label=f"{_said(scene)}. {HELP}",
+        "canvas", tabindex=0, hidden=True, role="img", aria_label=f"{_label(scene)}. {HELP}",
     )
     buttons = element("div", *_buttons(bool(len(scene.lines))), class_="controls", hidden=True)
-    said = element("p", HELP, class_="hint", hidden=True)
+    hint = element("p", HELP, class_="hint", hidden=True)
     name = element("p", class_="pointed", aria_live="polite")
     stage = element("div", _still(scene), canvas, name, class_="stage")
     data = element("script", Markup(_data(scene)), type="application/json")
-    return joined([element("div", stage, buttons, said, data, class_="scene"), _crossings(scene)])
+    return joined([element("div", stage, buttons, hint, data, class_="scene"), _crossings(scene)])
 
 
-def _said(scene: Scene) -> str:
+def _label(scene: Scene) -> str:
     lines = f" and {len(scene.lines)} lines of sight" if len(scene.lines) else ""
-    return f"The camera, {len(scene.names)} boards{lines}, in three dimensions"
+    return f"The camera, {len(scene.names)} boards{lines} in three dimensions"
 
 
 def _buttons(lines: bool) -> list[Markup]:
@@ -51,7 +51,7 @@ def _buttons(lines: bool) -> list[Markup]:
 
 
 def _data(scene: Scene) -> str:
-    """The scene for the script; never ends the element it stands in, whatever a photograph is called."""
+    """The scene as JSON for the script, escaped so that no photograph's name can end the script element."""
     parts = {
         "names": scene.names,
         "boards": _rounded(scene.boards),
@@ -72,7 +72,7 @@ def _rounded(points: Floats) -> object:
 
 
 def _still(scene: Scene) -> Markup:
-    """The first view, for print and where no script runs."""
+    """The initial view, for print and where no script runs."""
     middle = _middle(scene)
     scale = FILL * float((np.array(STILL) / reach(scene)).min())
 
@@ -89,7 +89,7 @@ def _still(scene: Scene) -> Markup:
         outline([placed(scene.frustum)], "camera"),
         dots(placed(np.zeros((1, 3))), "centre"),
     ]
-    return drawing(STILL, *content, label=_said(scene), class_="still")
+    return drawing(STILL, *content, label=_label(scene), class_="still")
 
 
 def _everything(scene: Scene) -> Floats:
@@ -102,12 +102,12 @@ def _middle(scene: Scene) -> Floats:
 
 
 def reach(scene: Scene) -> Floats:
-    """How far from its middle the scene reaches across and down, as first seen."""
+    """Largest distances (2,) of the scene from its centre, across and down, in the initial view."""
     return np.asarray(np.abs(turned(_everything(scene) - _middle(scene))[0]).max(axis=0))
 
 
 def turned(points: Floats) -> tuple[Floats, Floats]:
-    """Points (n, 3) as first seen: across and down (n, 2), and depth (n,). The script's ``turned`` does the same."""
+    """Points (n, 3) in the initial view: across and down (n, 2), and depth (n,), as the script's ``turned``."""
     x, y, z = points.T
     across, depth = np.cos(YAW) * x - np.sin(YAW) * z, np.sin(YAW) * x + np.cos(YAW) * z
     down = np.cos(PITCH) * y - np.sin(PITCH) * depth
@@ -115,7 +115,7 @@ def turned(points: Floats) -> tuple[Floats, Floats]:
 
 
 def _crossings(scene: Scene) -> Markup:
-    """Where the lines pass the camera's centre."""
+    """A drawing of where the lines of sight pass the camera's centre."""
     if not len(scene.crossings):
         return Markup("")
     middle = CROSSINGS / 2
@@ -125,8 +125,8 @@ def _crossings(scene: Scene) -> Markup:
         np.array([[middle - 10, middle], [middle + 10, middle]]),
         np.array([[middle, middle - 10], [middle, middle + 10]]),
     ]
-    said = f"{100 * far / 0.9:.2g} % of f from the middle to the edge"
-    label = f"Where {len(scene.crossings)} lines of sight pass the camera's centre; {said}"
+    extent = f"{100 * far / 0.9:.2g} % of f from the centre to the edge"
+    label = f"Where {len(scene.crossings)} lines of sight pass the camera's centre; {extent}"
     content = [polylines(cross, "cross"), dots(places, "speck", stroke_width=5)]
     square = drawing((CROSSINGS, CROSSINGS), *content, label=label)
-    return element("figure", square, element("figcaption", said), class_="frame crossings")
+    return element("figure", square, element("figcaption", extent), class_="frame crossings")

@@ -1,7 +1,7 @@
-/** Talking to the app. Whatever is refused becomes an Error whose message is a sentence for people. */
+/** Requests to the app. A refused request becomes an Error whose message is a sentence for the user. */
 
 const HEADERS = { "X-Pinholify": "page" };
-const GONE = "The app does not answer; is it still running in the terminal?";
+const GONE = "The app does not respond. Is it still running in the terminal?";
 
 async function send(method, path, options = {}) {
   let answer;
@@ -26,17 +26,17 @@ export const change = (path, data) => send("PATCH", path, asJson(data));
 
 const asJson = (data) => ({ body: JSON.stringify(data), headers: { "Content-Type": "application/json" } });
 
-/** Send a file or a picture as it is. */
+/** Send the contents of a file. */
 export async function upload(path, blob) {
   return (await send("POST", path, { body: blob, headers: { "Content-Type": "application/octet-stream" } })).json();
 }
 
-/** An address within the browser of the picture that the app makes at `path`. */
+/** A local address of the picture at `path`. */
 export async function picture(path) {
   return URL.createObjectURL(await (await send("GET", path)).blob());
 }
 
-/** Have the browser keep what the app makes at `path`; gives sentences about what that cannot hold. */
+/** Download the file at `path`; returns notes on what its format cannot represent. */
 export async function download(path) {
   const answer = await send("GET", path);
   const link = document.createElement("a");
@@ -47,10 +47,10 @@ export async function download(path) {
   return JSON.parse(decodeURIComponent(answer.headers.get("x-notes") ?? "[]"));
 }
 
-/** Hear all that happens in a session until the returned source is closed; the first event is all of it. */
-export function listen(session, heard, lost) {
+/** Receive the events of a session until the returned source is closed; the first is a snapshot. */
+export function listen(session, onEvent, onLoss) {
   const source = new EventSource(`/api/sessions/${session}/events`);
-  source.addEventListener("message", (event) => heard(JSON.parse(event.data)));
-  source.addEventListener("error", () => lost(source.readyState === EventSource.CLOSED));
+  source.addEventListener("message", (event) => onEvent(JSON.parse(event.data)));
+  source.addEventListener("error", () => onLoss(source.readyState === EventSource.CLOSED));
   return source;
 }

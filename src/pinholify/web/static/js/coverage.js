@@ -1,12 +1,12 @@
-/** What the photographs cover: a map of the picture, the four bars, and where to hold the board next. */
+/** Coverage by the photographs: a map of the picture, the four bars, and where to hold the board next. */
 
 import { el, svg } from "./dom.js";
 import { dots, polygon } from "./overlay.js";
 import { state } from "./state.js";
 
 const BARS = { x: "X", y: "Y", size: "Size", skew: "Skew" };
-const WELL = 0.05; // px: known well
-const BADLY = 5; // px: hardly known
+const WELL = 0.05; // px: well known
+const BADLY = 5; // px: poorly known
 
 export function coverage() {
   const { session } = state;
@@ -36,7 +36,7 @@ function map(session) {
   return frame;
 }
 
-/** How well each place of the picture is known, as a small picture that the browser smooths. */
+/** The standard deviation over the picture, as a small picture that the browser smooths. */
 function heat({ columns, rows, values }) {
   const canvas = el("canvas", { width: columns, height: rows, "aria-hidden": "true" });
   const context = canvas.getContext("2d");
@@ -56,7 +56,7 @@ function colour(std) {
 }
 
 const legend = () => el(
-  "p", { class: "legend" }, el("span", {}, `known to ${WELL} px`), el("span", { class: "ramp", "aria-hidden": "true" }),
+  "p", { class: "legend" }, el("span", {}, `uncertainty ${WELL} px`), el("span", { class: "ramp", "aria-hidden": "true" }),
   el("span", {}, `${BADLY} px`),
 );
 
@@ -68,9 +68,9 @@ export function bars(values) {
   }));
 }
 
-/** Where the next board helps most, from the camera where there is one, else from the bars. */
+/** Where the next board helps most, according to the camera if there is one, or else to the bars. */
 export function nextBoard() {
   const next = state.result?.next;
   if (!next) return state.session.advice;
-  return `Next: hold the board ${next.place}, as outlined; that takes ${Math.round(100 * next.gain)} % off the uncertainty.`;
+  return `Next: hold the board ${next.place}, as outlined; this reduces the uncertainty by ${Math.round(100 * next.gain)} %.`;
 }

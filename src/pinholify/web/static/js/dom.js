@@ -1,4 +1,4 @@
-/** Small helpers to make elements; text always goes in as text, never as HTML. */
+/** Helpers that create elements; text is always inserted as text, never as HTML. */
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -24,7 +24,7 @@ function filled(element, attributes, children) {
   return element;
 }
 
-/** Sentences begin with a capital and end with a stop, wherever they come from. */
+/** `text` with a capital and a full stop. */
 export function sentence(text) {
   const whole = text.charAt(0).toUpperCase() + text.slice(1);
   return /[.!?]$/.test(whole) ? whole : `${whole}.`;

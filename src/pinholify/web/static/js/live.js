@@ -1,4 +1,4 @@
-/** The live camera: frames are looked at one after the other, and the app keeps those that are sharp and new. */
+/** The live camera: frames are sent one after another, and the app keeps those that are sharp and new. */
 
 import { upload } from "./api.js";
 import { announce, byId, el, svg } from "./dom.js";
@@ -17,18 +17,18 @@ let taken = 0;
 
 export const running = () => stream !== null;
 
-/** Ask for the camera and look through it until `stop`; `session` gives the id of the session it is for. */
+/** Start the camera and send frames until `stop`, to the session whose id `session` resolves to. */
 export async function start(session) {
   if (running()) return;
   if (!navigator.mediaDevices) {
-    notice("The browser gives the camera only to pages of this computer or over HTTPS; open the app at 127.0.0.1");
+    notice("The browser allows the camera only for pages of this computer or over HTTPS; open the app at 127.0.0.1");
     return;
   }
   try {
     stream = await navigator.mediaDevices.getUserMedia({ video: CAMERA, audio: false });
   } catch (error) {
-    notice(error.name === "NotFoundError" ? "No camera was found; plug one in and try again"
-      : "The browser did not give the camera; allow it for this page and try again");
+    notice(error.name === "NotFoundError" ? "No camera was found; connect one and try again"
+      : "The browser refused access to the camera; allow it for this page and try again");
     return;
   }
   const id = await session();
@@ -42,7 +42,7 @@ export async function start(session) {
   byId("stage").hidden = true;
   await video.play();
   byId("live-picture").style.setProperty("--wide", String(video.videoWidth / video.videoHeight));
-  look(id, video, stream);
+  sendFrames(id, video, stream);
 }
 
 export function stop() {
@@ -55,12 +55,12 @@ export function stop() {
   byId("stage").hidden = false;
 }
 
-async function look(id, video, mine) {
+async function sendFrames(id, video, mine) {
   const canvas = document.createElement("canvas");
   while (stream === mine) {
     try {
       const picture = await grab(video, canvas);
-      if (picture) seen(await upload(`/sessions/${id}/frames`, picture));
+      if (picture) onFrame(await upload(`/sessions/${id}/frames`, picture));
     } catch (error) {
       notice(error.message);
       stop();
@@ -76,7 +76,7 @@ async function grab(video, canvas) {
   return new Promise((done) => canvas.toBlob(done, "image/jpeg", QUALITY));
 }
 
-function seen(frame) {
+function onFrame(frame) {
   if (!running()) return;
   last = frame;
   if (frame.kept) {
@@ -93,22 +93,22 @@ export function mirror() {
   drawLive();
 }
 
-/** Draw the overlay and the sentences; also called when the session changes. */
+/** Draw the overlay and the hints; also called when the session changes. */
 export function drawLive() {
   if (!running() || !state.session) return;
   if (state.accepted) {
     stop();
-    notice("The camera is calibrated; you may put the board down");
+    notice("The camera is calibrated; you can put the board down");
     return;
   }
-  say("live-hint", last ? last.hint : "Starting the camera …");
+  setText("live-hint", last ? last.hint : "Starting the camera …");
   byId("live-count").textContent = `${state.session.usable.length} taken`;
   byId("live-advice").replaceChildren(el("span", {}, inView(nextBoard())), bars(state.session.bars));
   if (last) drawOverlay(last);
 }
 
-/** Change a text only where it is another, so that a screen reader says it once. */
-function say(place, text) {
+/** Change a text only if it differs, so that a screen reader announces it once. */
+function setText(place, text) {
   if (byId(place).textContent !== text) byId(place).textContent = text;
 }
 
@@ -125,7 +125,7 @@ function drawOverlay({ size: [width, height], ids, uv }) {
   );
 }
 
-/** Left and right as the person sees them. */
+/** `text` with left and right as the person sees them. */
 function inView(text) {
   if (!byId("live-mirror").checked) return text;
   return text.replace(/\b(left|right)\b/g, (side) => (side === "left" ? "right" : "left"));

@@ -1,23 +1,23 @@
-/** The page: which session is open, what is shown of it, and what the buttons do. */
+/** The page: opens sessions, draws them, and handles the buttons. */
 
 import { get, listen, post } from "./api.js";
 import { byId, el } from "./dom.js";
-import * as intake from "./intake.js";
 import * as live from "./live.js";
-import { clearNotices, notice, saying } from "./notices.js";
+import { clearNotices, notice, reportingErrors } from "./notices.js";
 import { openBoard, prepareBoard, preparePrint } from "./print.js";
 import { drawResult } from "./result.js";
-import { drawStage } from "./stage.js";
 import { create, drawSessions } from "./start.js";
-import { forget, heard, show, state } from "./state.js";
+import { applyEvent, reset, show, state } from "./state.js";
 import { drawTiles } from "./tiles.js";
+import * as uploads from "./uploads.js";
+import { drawViewer } from "./viewer.js";
 
-let current = null; // the id of the open session; empty on the first screen
+let current = null; // the id of the open session; empty on the start screen
 let events = null;
 let creating = null;
-const ready = saying(get("/about"));
+const ready = reportingErrors(get("/about"));
 
-/** The id of the open session; a new one is made where none is open. */
+/** The id of the open session; creates one if none is open. */
 async function session() {
   if (current) return current;
   creating ??= create().finally(() => { creating = null; });
@@ -29,18 +29,18 @@ async function session() {
   return id;
 }
 
-/** Open the session that the address names, or the first screen. */
+/** Open the session in the address, or the start screen. */
 function open() {
   const id = location.hash.slice(1);
   if (id === current) return;
   if (current) {
     live.stop();
-    intake.stop();
+    uploads.stop();
   }
   current = id;
   events?.close();
   events = null;
-  forget();
+  reset();
   clearNotices();
   if (id) events = listen(id, onEvent, onLoss);
   else drawSessions();
@@ -50,12 +50,12 @@ function open() {
 function onEvent(event) {
   if (event.kind === "notice") notice(event.text);
   else if (event.kind === "gone") location.hash = "";
-  else heard(event);
+  else applyEvent(event);
 }
 
 function onLoss(forGood) {
   if (!forGood) return;
-  notice("The session cannot be opened; it may have been deleted, or the app was started anew: open the address that the terminal shows");
+  notice("The session cannot be opened. If it was not deleted, the app was restarted: open the address shown in the terminal");
 }
 
 function draw() {
@@ -71,7 +71,7 @@ function draw() {
   if (!known) return;
   drawPill();
   drawTiles();
-  drawStage();
+  drawViewer();
   drawResult();
   live.drawLive();
 }
@@ -86,18 +86,18 @@ function drawActivity() {
   else progress.value = activity.share;
 }
 
-/** How far photographs that were just dropped have been looked at. */
+/** The progress of photographs that were just added. */
 function arrivals() {
   const { expected, arriving } = state;
   if (!arriving.size) return null;
   if (expected === 1) return { text: `Adding ${[...arriving.values()][0].name}`, share: null };
   const done = expected - arriving.size;
-  return { text: `Looking for the board: ${done} of ${expected} done`, share: done / expected };
+  return { text: `Searching for the board: ${done} of ${expected} done`, share: done / expected };
 }
 
 function drawPill() {
   const { board, square_mm: square } = state.session;
-  const name = board ? board.spec.replace("x", "×") : "not known yet";
+  const name = board ? board.spec.replace("x", "×") : "not detected yet";
   const text = square ? `${name}, ${square} mm` : name;
   const pill = byId("board-pill");
   if (pill.dataset.text === text) return;
@@ -106,19 +106,19 @@ function drawPill() {
 }
 
 function chosen(event) {
-  take(event.target.files);
+  add(event.target.files);
   event.target.value = "";
 }
 
-/** Take in `files`, once the page knows what the app takes: who is quick loses nothing. */
-async function take(files) {
+/** Upload `files`, once the page knows the app's limits. */
+async function add(files) {
   const all = [...files];
-  if (await ready) intake.take(all, session);
+  if (await ready) uploads.add(all, session);
 }
 
 async function begin() {
   if (location.search) history.replaceState(null, "", location.pathname + location.hash);
-  intake.acceptDrops(take);
+  uploads.acceptDrops(add);
   byId("files").addEventListener("change", chosen);
   byId("more-files").addEventListener("change", chosen);
   state.about = await ready;
@@ -131,8 +131,8 @@ async function begin() {
   byId("live-stop").addEventListener("click", () => live.stop());
   byId("live-mirror").addEventListener("change", live.mirror);
   byId("stop").addEventListener("click", () => {
-    intake.stop();
-    saying(post(`/sessions/${state.session.id}/cancel`));
+    uploads.stop();
+    reportingErrors(post(`/sessions/${state.session.id}/cancel`));
   });
   addEventListener("hashchange", open);
   open();

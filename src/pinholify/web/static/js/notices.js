@@ -1,4 +1,4 @@
-/** Sentences that appear on the page and stay until they are read away. */
+/** Notices that stay on the page until they are closed. */
 
 import { byId, el, sentence } from "./dom.js";
 
@@ -19,8 +19,8 @@ export function clearNotices() {
   byId("notices").replaceChildren();
 }
 
-/** Do something asynchronous; where it fails, say why. Gives undefined then. */
-export async function saying(promise) {
+/** The value of `promise`; if it is rejected, shows the reason and returns undefined. */
+export async function reportingErrors(promise) {
   try {
     return await promise;
   } catch (error) {

@@ -2,7 +2,7 @@
 
 import { svg } from "./dom.js";
 
-const FINE = 2; // times the typical error: above it a corner is drawn as poor
+const FINE = 2; // multiple of the typical error above which a corner is drawn as poor
 
 /** Lines through the rows and columns of a photograph's corners. */
 export function latticePath(photograph, columns) {
@@ -17,12 +17,12 @@ export function latticePath(photograph, columns) {
   return path;
 }
 
-/** Points as strokes of no length, so that their size does not change with the picture's. */
+/** Points as strokes of zero length, so that their size does not change with the picture's. */
 export const dots = (points) => points.map(([u, v]) => `M${u} ${v}h0`).join("");
 
 export const polygon = (points) => `M${points.map(([u, v]) => `${u} ${v}`).join("L")}Z`;
 
-/** The overlay of a photograph: its lattice, and its corners, coloured by their errors where `board` tells them. */
+/** The overlay of a photograph: its lattice and its corners, coloured by the residuals in `board` if given. */
 export function overlay(photograph, columns, board = null, typical = 0) {
   const [width, height] = photograph.size;
   const poor = photograph.uv.filter((_, i) => isPoor(board?.residuals?.[i], typical));

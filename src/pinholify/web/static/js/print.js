@@ -1,4 +1,4 @@
-/** The dialogs: printing a board, and changing the session's. */
+/** The dialogs: printing a board, and changing the session's board. */
 
 import { change, download } from "./api.js";
 import { byId, el, sentence } from "./dom.js";

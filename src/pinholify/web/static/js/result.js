@@ -1,39 +1,39 @@
-/** The result beside the photographs: the verdict, f, the errors, what is covered, and what can be taken away. */
+/** The result next to the photographs: the verdict, f, the errors, the coverage and the downloads. */
 
 import { change, download, post } from "./api.js";
 import { announce, byId, el, sentence } from "./dom.js";
 import { coverage } from "./coverage.js";
 import * as live from "./live.js";
-import { notice, saying } from "./notices.js";
+import { notice, reportingErrors } from "./notices.js";
 import { openBoard } from "./print.js";
-import { abandoned, changed, onStage, outdated, photographs, stale, state } from "./state.js";
+import { abandoned, changed, outdated, photographs, shownPhotograph, stale, state } from "./state.js";
 import { largestError } from "./tiles.js";
 
 const FEWEST = 3;
 const LEVELS = { good: "Good", fair: "Fair", poor: "Poor" };
 let shown = "";
-let said = "";
+let announced = "";
 
 export function drawResult() {
   const signature = JSON.stringify([
     state.session, state.result, state.final, state.pending, state.problem, Boolean(state.activity), state.arriving.size,
-    [...state.photographs.values()].map((p) => [p.id, p.included, p.suggestion, p.uv.length]), onStage()?.id,
+    [...state.photographs.values()].map((p) => [p.id, p.included, p.suggestion, p.uv.length]), shownPhotograph()?.id,
   ]);
   if (signature === shown) return;
   shown = signature;
   const aside = byId("result");
   const open = new Set([...aside.querySelectorAll("details[open]")].map((details) => details.id));
-  aside.replaceChildren(...[verdict(), focal(), errors(), coverage(), takeAway()].filter(Boolean));
+  aside.replaceChildren(...[verdict(), focal(), errors(), coverage(), downloads()].filter(Boolean));
   for (const id of open) byId(id)?.setAttribute("open", "");
   aside.classList.toggle("stale", stale());
   aside.classList.toggle("unjudged", Boolean(state.result?.level) && (!state.final || stale()));
-  sayVerdict();
+  announceVerdict();
 }
 
-function sayVerdict() {
+function announceVerdict() {
   const text = state.final && state.result?.sentence ? state.result.sentence : "";
-  if (text && text !== said) announce(text);
-  said = text;
+  if (text && text !== announced) announce(text);
+  announced = text;
 }
 
 function verdict() {
@@ -41,25 +41,27 @@ function verdict() {
   if (other) return otherBoard(other);
   if (state.problem && !state.activity && !state.pending) return card("verdict poor", chip("Not yet"), el("p", {}, sentence(state.problem)));
   if (!state.result) return waiting();
-  const { level, sentence: text } = state.result;
+  const { level } = state.result;
   const again = abandoned()
-    ? el("button", { type: "button", class: "primary", onclick: () => saying(post(`/sessions/${state.session.id}/solve`)) },
+    ? el("button", { type: "button", class: "primary", onclick: () => reportingErrors(post(`/sessions/${state.session.id}/solve`)) },
       "Calibrate with these photographs")
     : null;
-  if (!level) return card("verdict", chip(state.final ? "Not scored" : "First look"), el("p", {}, unscored()), again);
-  return card(`verdict ${level}`, chip(LEVELS[level]), el("p", {}, text.replace(/^\w+: (.)/, (_, first) => first.toUpperCase())), again);
+  if (!level) return card("verdict", chip(state.final ? "Not scored" : "Preview"), el("p", {}, unscored()), again);
+  const [headline, ...reasons] = state.result.findings ?? [state.result.sentence];
+  const list = reasons.length ? el("ul", {}, ...reasons.map((text) => el("li", {}, sentence(text)))) : null;
+  return card(`verdict ${level}`, chip(LEVELS[level]), el("p", {}, sentence(headline)), list, again);
 }
 
 const unscored = () => state.final
   ? "Too few boards lie where the camera is known; add photographs with the board in other places."
-  : "How good it is will be known in a moment.";
+  : "The result is being evaluated.";
 
 function waiting() {
   const found = state.session.usable.length;
   if (!found && state.photographs.size && !state.activity && !state.arriving.size && !live.running()) return noBoard();
   const text = found >= FEWEST
     ? "Calibrating …"
-    : `${found} of at least ${FEWEST} photographs show the board; ten or more make a good camera.`;
+    : `${found} of at least ${FEWEST} photographs show the board; ten or more give a good camera.`;
   return card("verdict", chip("Waiting"), el("p", {}, text), el("p", { class: "help" }, state.session.advice));
 }
 
@@ -71,12 +73,12 @@ function noBoard() {
     "verdict poor",
     chip("No board"),
     el("p", {}, `${one ? "The photograph does not show" : `None of the ${state.photographs.size} photographs shows`} ${shown}.`),
-    el("p", {}, "If they show another board, say which; else photograph all of it, sharp and in good light."),
-    el("button", { type: "button", class: "primary", onclick: openBoard }, "Say which board"),
+    el("p", {}, "If you use another board, select it; otherwise photograph the whole board, sharp and in good light."),
+    el("button", { type: "button", class: "primary", onclick: openBoard }, "Select the board"),
   );
 }
 
-/** The board that most photographs without corners show, where it is another than the session's. */
+/** The size of another board, if more photographs show one than show the session's. */
 function suggestion() {
   const others = [...state.photographs.values()].map((p) => p.suggestion).filter(Boolean);
   return others.length > state.session.usable.length ? others[0] : null;
@@ -91,7 +93,7 @@ function otherBoard(spec) {
     el("p", {}, `These photographs show a board of ${name} inner corners, not ${now}.`),
     el("button", {
       type: "button", class: "primary",
-      onclick: () => saying(change(`/sessions/${state.session.id}`, { board: spec })),
+      onclick: () => reportingErrors(change(`/sessions/${state.session.id}`, { board: spec })),
     }, `Use ${name}`),
   );
 }
@@ -100,10 +102,10 @@ function focal() {
   const { result } = state;
   if (!result) return null;
   const facts = [
-    ["sees", result.width_degrees === null ? "?" : `${result.width_degrees.toFixed(1)}° across`],
-    ["unseen photographs are off by", result.heldout_px === null ? "–" : `${result.heldout_px.toFixed(2)} px`],
-    ["noise of a corner", `${result.noise_px.toFixed(2)} px`],
-    ["covers", `${Math.round(100 * result.covered)} % of the picture`],
+    ["field of view", result.width_degrees === null ? "?" : `${result.width_degrees.toFixed(1)}° horizontally`],
+    ["held-out error", result.heldout_px === null ? "–" : `${result.heldout_px.toFixed(2)} px`],
+    ["corner noise", `${result.noise_px.toFixed(2)} px per axis`],
+    ["coverage", `${Math.round(100 * result.covered)} % of the picture`],
   ];
   return card(
     "focal",
@@ -125,7 +127,7 @@ function virtualCamera(result) {
   return el(
     "div", {},
     el("p", { class: "help" }, `In ${unit}, in the frame of the board in ${reference}. The number above is the focal length `
-      + "in the middle of the picture, in px per radian."),
+      + "at the centre of the picture, in px per radian."),
     el("table", {}, el("tbody", {}, ...rows)),
   );
 }
@@ -139,7 +141,7 @@ function errors() {
     const bar = el("button", {
       type: "button", class: `column${error > 2 * state.result.rms_px ? " poor" : ""}`,
       "aria-label": `${photograph.name}: ${error.toFixed(2)} px`, title: `${photograph.name}: ${error.toFixed(2)} px`,
-      "aria-pressed": String(onStage()?.id === photograph.id),
+      "aria-pressed": String(shownPhotograph()?.id === photograph.id),
       onclick: () => { state.selected = photograph.id; changed(); },
     });
     bar.style.setProperty("--share", String(error / largest));
@@ -147,24 +149,24 @@ function errors() {
   });
   return card(
     "errors",
-    el("h2", {}, "Error of each photograph"),
+    el("h2", {}, "Error by photograph"),
     el("div", { class: "columns", role: "group", "aria-label": "Errors" }, ...bars),
-    el("p", { class: "help" }, `RMS over all: ${state.result.rms_px.toFixed(2)} px; the tallest column is ${largest.toFixed(2)} px.`),
+    el("p", { class: "help" }, `RMS of all: ${state.result.rms_px.toFixed(2)} px; tallest column: ${largest.toFixed(2)} px.`),
   );
 }
 
-function takeAway() {
+function downloads() {
   if (!state.result) return null;
   const base = `/sessions/${state.session.id}`;
   const ready = state.final && !outdated();
-  const get = (path) => () => saying(download(path).then((notes) => notes.forEach((text) => notice(text))));
+  const get = (path) => () => reportingErrors(download(path).then((notes) => notes.forEach((text) => notice(text))));
   const formats = el(
     "select", { id: "format", "aria-label": "Format of another program" },
     ...state.about.formats.map(({ name, title }) => el("option", { value: name }, title)),
   );
   return card(
     "take-away",
-    el("h2", {}, "Take it away"),
+    el("h2", {}, "Download"),
     el("div", { class: "actions" },
       el("button", { type: "button", class: "primary", id: "download-camera", disabled: !ready, onclick: get(`${base}/camera.npz`) }, "Camera"),
       el("button", { type: "button", id: "download-corners", disabled: !state.session.usable.length, onclick: get(`${base}/corners.vnl`) }, "Corners")),
@@ -179,7 +181,7 @@ function takeAway() {
         type: "button", id: "download-export", disabled: !ready,
         onclick: () => get(`${base}/export/${formats.value}`)(),
       }, "Export")),
-    el("p", { class: "help" }, "Exports describe straightened pictures: make them with ",
+    el("p", { class: "help" }, "Exports describe straightened pictures, which are made with ",
       el("code", {}, "pinholify undistort camera.npz"), "."),
   );
 }

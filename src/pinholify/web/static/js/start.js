@@ -1,18 +1,18 @@
-/** The first screen: what to do, the board, and the sessions there are. */
+/** The start screen: instructions, the board, and the existing sessions. */
 
 import { get, post, remove } from "./api.js";
 import { byId, el } from "./dom.js";
-import { saying } from "./notices.js";
+import { reportingErrors } from "./notices.js";
 
-/** A new session with the board of the first screen; gives its id, undefined where the board cannot be read. */
+/** Create a session with the board of the start screen; returns its id, undefined if the board is invalid. */
 export async function create() {
   const square = Number(byId("square").value) || null;
-  const made = await saying(post("/sessions", { board: byId("board").value.trim() || null, square_mm: square }));
+  const made = await reportingErrors(post("/sessions", { board: byId("board").value.trim() || null, square_mm: square }));
   return made?.id;
 }
 
 export async function drawSessions() {
-  const sessions = await saying(get("/sessions"));
+  const sessions = await reportingErrors(get("/sessions"));
   if (!sessions) return;
   byId("sessions").hidden = !sessions.length;
   byId("session-list").replaceChildren(...sessions.map(item));
@@ -28,7 +28,7 @@ function item(session) {
   if (session.f_px) facts.push(`f = ${session.f_px.toFixed(1)} px`);
   const away = async () => {
     if (!confirm("Delete this session with its photographs?")) return;
-    await saying(remove(`/sessions/${session.id}`));
+    await reportingErrors(remove(`/sessions/${session.id}`));
     drawSessions();
   };
   return el(

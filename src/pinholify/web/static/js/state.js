@@ -1,11 +1,11 @@
-/** What the open session is, as the app tells it. Views draw themselves again when it changes. */
+/** The state of the open session, as received from the app. Views are redrawn when it changes. */
 
 export const state = {
   about: null,
   session: null,
   photographs: new Map(),
   arriving: new Map(),
-  expected: 0, // how many were to arrive when the first of those under way was chosen
+  expected: 0, // how many uploads the current batch has in all
   result: null,
   solve: null,
   final: false,
@@ -24,7 +24,7 @@ export function show(view) {
   views.add(view);
 }
 
-/** Draw all views again, once for all changes up to the next frame. */
+/** Redraw all views, once for all changes of the current task. */
 export function changed() {
   if (planned) return;
   planned = true;
@@ -34,7 +34,7 @@ export function changed() {
   });
 }
 
-export function forget() {
+export function reset() {
   Object.assign(state, { session: null, result: null, solve: null, final: false, accepted: false, problem: null });
   Object.assign(state, { activity: null, selected: null, pending: false, expected: 0 });
   state.photographs.clear();
@@ -42,8 +42,8 @@ export function forget() {
   changed();
 }
 
-/** Take in one event of the session. */
-export function heard(event) {
+/** Update the state from an event of the session. */
+export function applyEvent(event) {
   switch (event.kind) {
     case "snapshot":
       state.photographs = new Map(event.photographs.map((p) => [p.id, p]));
@@ -79,20 +79,20 @@ const byName = new Intl.Collator(undefined, { numeric: true });
 /** All photographs in the natural order of their names. */
 export const photographs = () => [...state.photographs.values()].sort((a, b) => byName.compare(a.name, b.name));
 
-/** The photograph that the stage shows: the chosen one, else the camera's reference, else the first. */
-export function onStage() {
+/** The photograph shown large: the selected one, else the camera's reference, else the first. */
+export function shownPhotograph() {
   const { photographs: known, selected, result } = state;
   return known.get(selected) ?? known.get(result?.reference) ?? photographs()[0] ?? null;
 }
 
-/** Whether there is a result that another will take the place of, or ought to. */
+/** Whether there is a result that is being replaced, or should be. */
 export const stale = () => state.result !== null && (state.pending || outdated());
 
-/** Whether the result is of other photographs than those that count now. */
+/** Whether the result was made from other photographs than those that are included now. */
 export function outdated() {
   const used = new Set(state.result.photographs);
   return used.size !== state.session.usable.length || state.session.usable.some((id) => !used.has(id));
 }
 
-/** Whether the result is out of date and nobody is about to make another. */
+/** Whether the result is out of date and no other is being computed. */
 export const abandoned = () => outdated() && !state.pending && !state.activity && !state.arriving.size;

@@ -1,10 +1,10 @@
-/** The photographs as tiles: the picture with its corners, its error, and whether it counts. */
+/** The photographs as tiles: the picture with its corners, its error, and whether it is included. */
 
 import { change, remove } from "./api.js";
 import { byId, el, sentence } from "./dom.js";
-import { saying } from "./notices.js";
+import { reportingErrors } from "./notices.js";
 import { overlay } from "./overlay.js";
-import { changed, onStage, photographs, state } from "./state.js";
+import { changed, photographs, shownPhotograph, state } from "./state.js";
 
 const drawn = new Map(); // key -> { signature, element }
 
@@ -30,7 +30,7 @@ export function drawTiles() {
 
 function photographTile(photograph) {
   const board = state.result?.boards[photograph.id] ?? null;
-  const chosen = onStage()?.id === photograph.id;
+  const chosen = shownPhotograph()?.id === photograph.id;
   const largest = largestError();
   const columns = state.session.board?.columns ?? 1;
   const error = photograph.included ? board?.rms_px ?? null : null;
@@ -54,11 +54,11 @@ function tile(photograph, board, error, largest, chosen, columns) {
   const counts = el("input", {
     type: "checkbox", "data-part": "include", "aria-label": `Include ${photograph.name}`,
     checked: photograph.included, disabled: !photograph.found,
-    onchange: (event) => saying(change(path, { included: event.target.checked })),
+    onchange: (event) => reportingErrors(change(path, { included: event.target.checked })),
   });
   const away = el("button", {
     type: "button", class: "quiet away", "aria-label": `Remove ${photograph.name}`,
-    onclick: () => saying(remove(path)),
+    onclick: () => reportingErrors(remove(path)),
   }, "×");
   return el(
     "li",
@@ -89,12 +89,12 @@ function arrivingTile(key, picture) {
     { class: "tile arriving" },
     el("div", { class: "picture" }, picture.url ? el("img", { src: picture.url, alt: "" }) : null),
     el("div", { class: "tile-foot" }, el("span", { class: "name" }, picture.name)),
-    el("p", { class: "why" }, picture.url ? "Looking for the board …" : "Sending the video …"),
+    el("p", { class: "why" }, picture.url ? "Searching for the board …" : "Uploading the video …"),
   );
   return { key, signature: key, make };
 }
 
-/** The error that fills a bar: the largest of all photographs. */
+/** The error that corresponds to a full bar: the largest of all photographs. */
 export function largestError() {
   const errors = Object.values(state.result?.boards ?? {}).map((board) => board.rms_px ?? 0);
   return Math.max(...errors, 0.01);

@@ -1,9 +1,9 @@
-/** Files that people drop or choose: sent a few at a time, each shown at once and told about when it is refused. */
+/** Uploads of dropped or chosen files: a few at a time, shown at once, with a notice for each that is refused. */
 
 import { upload } from "./api.js";
 import { byId, announce } from "./dom.js";
 import { notice } from "./notices.js";
-import { changed, heard, state } from "./state.js";
+import { applyEvent, changed, state } from "./state.js";
 
 const AT_ONCE = 3;
 const VIDEO = /\.(mp4|mov|m4v|webm|mkv|avi)$/i;
@@ -12,8 +12,8 @@ let waiting = [];
 let running = 0;
 let count = 0;
 
-/** Take `files`; `session` gives the id of the session they are for. */
-export async function take(files, session) {
+/** Upload `files` to the session whose id `session` resolves to. */
+export async function add(files, session) {
   const fitting = files.filter(fits);
   if (!fitting.length) return;
   const id = await session();
@@ -29,7 +29,7 @@ export async function take(files, session) {
   while (running < AT_ONCE && waiting.length) next();
 }
 
-/** Send no more of what waits. */
+/** Cancel the uploads that have not started. */
 export function stop() {
   for (const { key } of waiting) arrived(key);
   waiting = [];
@@ -40,7 +40,7 @@ export const isVideo = (file) => file.type.startsWith("video/") || VIDEO.test(fi
 function fits(file) {
   const most = isVideo(file) ? state.about.video_bytes : state.about.photograph_bytes;
   if (file.size <= most) return true;
-  notice(`“${file.name}” has ${Math.round(file.size / 1e6)} MB; at most ${Math.round(most / 1e6)} MB are taken`);
+  notice(`“${file.name}” has ${Math.round(file.size / 1e6)} MB; the limit is ${Math.round(most / 1e6)} MB`);
   return false;
 }
 
@@ -50,7 +50,7 @@ async function next() {
   const kind = isVideo(file) ? "videos" : "photographs";
   try {
     const photograph = await upload(`/sessions/${session}/${kind}?name=${encodeURIComponent(file.name)}`, file);
-    if (kind === "photographs" && state.session?.id === session) heard({ kind: "photograph", photograph });
+    if (kind === "photographs" && state.session?.id === session) applyEvent({ kind: "photograph", photograph });
   } catch (error) {
     notice(error.message);
   }
@@ -67,8 +67,8 @@ function arrived(key) {
   changed();
 }
 
-/** Let files be dropped anywhere on the page; `take` is given them. */
-export function acceptDrops(take) {
+/** Let files be dropped anywhere on the page; `onFiles` is called with them. */
+export function acceptDrops(onFiles) {
   const veil = byId("drop-veil");
   const carriesFiles = (event) => event.dataTransfer?.types.includes("Files");
   addEventListener("dragenter", (event) => { if (carriesFiles(event)) veil.hidden = false; });
@@ -77,6 +77,6 @@ export function acceptDrops(take) {
   addEventListener("drop", (event) => {
     event.preventDefault();
     veil.hidden = true;
-    take(event.dataTransfer.files);
+    onFiles(event.dataTransfer.files);
   });
 }

@@ -1,17 +1,17 @@
-/** The selected photograph, large: as it was taken with its corners, and straight, with a slider between. */
+/** The selected photograph, large: as taken with its corners, and straightened, with a slider between them. */
 
 import { picture } from "./api.js";
 import { byId, el } from "./dom.js";
 import { overlay } from "./overlay.js";
-import { onStage, stale, state } from "./state.js";
+import { shownPhotograph, stale, state } from "./state.js";
 
 let shown = "";
 let split = 50;
-let former = { of: "", address: "" }; // the last straight picture, shown until the next is there
+let former = { of: "", address: "" }; // the last straightened picture, shown until the next is loaded
 
-export function drawStage() {
+export function drawViewer() {
   const stage = byId("stage");
-  const photograph = onStage();
+  const photograph = shownPhotograph();
   if (!photograph) {
     stage.replaceChildren();
     shown = "";
@@ -56,7 +56,7 @@ function straight(photograph, base, frame) {
       URL.revokeObjectURL(former.address);
       former = { of: base, address };
     },
-    () => {}, // a newer camera has taken this one's place, and its picture is on the way
+    () => {}, // a newer camera has replaced this one, and its picture is being loaded
   );
   const slider = el("input", {
     type: "range", min: "0", max: "100", value: String(split), class: "split",
@@ -80,6 +80,6 @@ function caption(photograph, board) {
   if (photograph.found) facts.push(`${photograph.uv.length} corners`);
   if (photograph.blur_px !== null) facts.push(`blur ${photograph.blur_px.toFixed(1)} px`);
   if (board?.rms_px) facts.push(`error ${board.rms_px.toFixed(2)} px`);
-  if (photograph.ambiguous) facts.push("which part of the board it shows is not known");
+  if (photograph.ambiguous) facts.push("visible part of the board unknown");
   return el("p", { class: "caption" }, el("strong", {}, photograph.name), ` · ${facts.join(" · ")}`);
 }
