@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pinholify import __version__
 from pinholify.evaluation.summary import NOT_REQUESTED, Evaluation, OpenCVScore
 from pinholify.evaluation.verdict import Verdict, residuals_of
+from pinholify.report.board_shape import BoardShape, board_shape_of
 from pinholify.report.boards import BoardEntry, boards_of
 from pinholify.report.maps import (
     Certainty,
@@ -63,6 +64,7 @@ class Report:
     residuals: ResidualField
     straightness: Straightness
     scene: Scene
+    board_shape: BoardShape | None
     model: Model
     comparison: Comparison
     usage: tuple[Snippet, ...]
@@ -96,6 +98,7 @@ def make_report(
         residuals,
         straightness_of(evaluation),
         scene_of(evaluation),
+        board_shape_of(calibration),
         model_of(evaluation),
         _comparison(evaluation, residuals.rms_px),
         snippets(provenance.file, calibration.camera.image_size),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.evaluation.verdict import STRUCTURED
+from pinholify.report.board_shape import BoardShape
 from pinholify.report.boards import BoardEntry
 from pinholify.report.contents import Report
 from pinholify.report.maps import Coverage
@@ -86,6 +87,7 @@ def sections(report: Report) -> tuple[Section, ...]:
         _residuals(report),
         _straightness(report),
         _scene(report),
+        *([] if report.board_shape is None else [_board_shape(report.board_shape)]),
         _comparison(report),
         _model(report),
         _usage(report),
@@ -327,7 +329,7 @@ def _comparison(report: Report) -> Section:
     shapes = (
         "This camera is scored with the board's shape that it found in the same solve, OpenCV's models with a flat "
         "board, the only one they support: part of the difference may be due to the board.",
-    ) * bool(compared.models and _board_shape(report))
+    ) * bool(compared.models and _shape_rows(report))
     none = (f"There is no held-out error: {compared.heldout_reason}.",) if compared.heldout_px is None else ()
     folds = (
         (f"The held-out error over five folds is {px(compared.kfold_px)}.",) if compared.kfold_px is not None else ()
@@ -365,7 +367,7 @@ def _model(report: Report) -> Section:
         rows.append((f"process, {process.of}", f"std {number(process.std, 3)} {process.unit}, length {scales} px"))
     if not model.processes:
         rows.append(("process", "switched off by the evidence: the trend suffices"))
-    shape = _board_shape(report)
+    shape = _shape_rows(report)
     rows += shape
     if model.singular_values:
         rows.append(("singular values", ", ".join(f"{value:.3g}" for value in model.singular_values)))
@@ -378,7 +380,21 @@ def _model(report: Report) -> Section:
     return Section("model", "The model", (text,), tuple(tables))
 
 
-def _board_shape(report: Report) -> list[tuple[str, str]]:
+def _board_shape(shape: BoardShape) -> Section:
+    text = (
+        "The solve estimated the board's own shape together with the camera. Its corners deviate from a lattice of "
+        f"squares by {_length(shape.shift_rms, shape.square_mm)} RMS in its plane, and the range of their heights is "
+        f"{_length(shape.height_range, shape.square_mm)}."
+    )
+    caption = (
+        f"The board from above, as it is numbered. Arrows: shifts in its plane, drawn {shape.magnification:g} times as "
+        "long. Discs: heights above (filled) and below (open) the mean plane as seen from the camera; their areas are "
+        "proportional to the heights."
+    )
+    return Section("board-shape", "The board's shape", (text,), caption=caption)
+
+
+def _shape_rows(report: Report) -> list[tuple[str, str]]:
     model = report.model
     rows = []
     if model.bow is not None:
@@ -394,7 +410,7 @@ def _board_shape(report: Report) -> list[tuple[str, str]]:
 
 
 def _length(squares: float, square_mm: float | None) -> str:
-    return f"{number(squares, 4)} squares" + ("" if square_mm is None else f" ({number(squares * square_mm, 2)} mm)")
+    return f"{number(squares, 4)} squares" + ("" if square_mm is None else f" ({number(squares * square_mm, 3)} mm)")
 
 
 def _usage(report: Report) -> Section:

@@ -7,6 +7,7 @@ from importlib import resources
 from string import Template
 
 from pinholify.report.contents import Report
+from pinholify.report.html.board_shape import board_map
 from pinholify.report.html.boards import cards, error_bars, model_bars
 from pinholify.report.html.image_maps import certainty_map, coverage_map, residual_map
 from pinholify.report.html.lines import bends, frames
@@ -35,6 +36,7 @@ FIGURES: dict[str, Callable[[Report], Markup]] = {
     "residuals": residual_map,
     "straightness": bends,
     "scene": turning_scene,
+    "board-shape": board_map,
     "comparison": model_bars,
     "usage": snippets,
 }

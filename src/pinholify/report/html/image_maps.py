@@ -31,7 +31,7 @@ def coverage_map(report: Report) -> Markup:
         dashes = f"{width / 60:.1f} {width / 90:.1f}"
         parts.append(outline([coverage.next_board], "next", stroke_width=width / 200, stroke_dasharray=dashes))
     label = f"Map of the image: corners cover the outlined {coverage.share:.0%} of it"
-    return _framed(drawing(size, *parts, label=label))
+    return framed(drawing(size, *parts, label=label))
 
 
 def _layer(count: int) -> str:
@@ -39,7 +39,8 @@ def _layer(count: int) -> str:
     return f"{float(np.clip(1.6 / max(count, 1), 0.03, 0.3)):.3f}"
 
 
-def _framed(*content: str) -> Markup:
+def framed(*content: str) -> Markup:
+    """``content`` in a frame."""
     return element("div", *content, class_="frame")
 
 
@@ -54,7 +55,7 @@ def certainty_map(report: Report) -> Markup:
     layers = (outline(region, "layer", opacity=LAYER) for region in certainty.regions)
     domain = outline(report.coverage.believed, "believed", stroke_width=report.image_size[0] / 240)
     label = f"Map of the standard deviation over the image: median {px(certainty.inside_px)} in the camera's domain"
-    return joined([_framed(drawing(report.image_size, *layers, domain, label=label)), _legend(certainty.levels)])
+    return joined([framed(drawing(report.image_size, *layers, domain, label=label)), _legend(certainty.levels)])
 
 
 def _legend(levels: tuple[float, ...]) -> Markup:
@@ -73,17 +74,17 @@ def residual_map(report: Report) -> Markup:
     """Mean residuals over the image, and the cloud of all residuals."""
     field = report.residuals
     tips = field.centres + field.magnification * field.means
-    arrows = [_arrow(start, tip) for start, tip in zip(field.centres, tips, strict=True)]
+    arrows = [arrow(start, tip) for start, tip in zip(field.centres, tips, strict=True)]
     width = report.image_size[0]
     parts = [
         dots(field.centres, "speck", stroke_width=width / 200),
         polylines(arrows, "arrow", stroke_width=f"{width / 320:.2f}"),
     ]
     label = f"Mean residuals over the image, drawn {field.magnification:g} times as long"
-    return element("div", _framed(drawing(report.image_size, *parts, label=label)), _cloud(report), class_="pair wide")
+    return element("div", framed(drawing(report.image_size, *parts, label=label)), _cloud(report), class_="pair wide")
 
 
-def _arrow(start: Floats, tip: Floats) -> Floats:
+def arrow(start: Floats, tip: Floats) -> Floats:
     """A polyline (6, 2) from ``start`` to ``tip`` and along the two strokes of the head."""
     back = HEAD * (start - tip)
     aside = np.array([-back[1], back[0]]) * 0.6
@@ -103,4 +104,4 @@ def _cloud(report: Report) -> Markup:
     cross = [np.array([[middle, 0.0], [middle, CLOUD]]), np.array([[0.0, middle], [CLOUD, middle]])]
     content = [polylines(cross, "axis"), dots(places, "speck", stroke_width=4), *rings]
     label = f"Cloud of all residuals, up to {px(reach)} along each axis"
-    return _framed(drawing((CLOUD, CLOUD), *content, label=label))
+    return framed(drawing((CLOUD, CLOUD), *content, label=label))
