@@ -238,6 +238,6 @@ def test_a_mistaken_gap_is_refused_with_the_right_one(name, gap):
     lens = Resized(LENSES[name], (720, round(720 * LENSES[name].size[1] / LENSES[name].size[0])))
     image, _ = take(lens, BOARD, board_poses([lens], BOARD, 2, seed=3, margin=0.012, tilt=35)[1])
     reason = detect_board(image, parse_board(f"aprilgrid:6x6:tag36h11:{gap}")).reason
-    said = float(reason.split("stand ")[1].split()[0])
+    said = float(reason.split("between the tags is ")[1].split()[0])
     assert said == pytest.approx(0.3, abs=0.011)
-    assert f"say aprilgrid:6x6:tag36h11:{said:.2f}" in reason
+    assert f"give aprilgrid:6x6:tag36h11:{said:.2f}" in reason

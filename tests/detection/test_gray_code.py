@@ -20,9 +20,9 @@ from pinholify.detection.gray_code import (
     write_patterns,
 )
 from pinholify.detection.gray_code.decode import without_strangers
-from pinholify.detection.gray_code.decoding import decode, shift_between
 from pinholify.detection.gray_code.nodes import fit_nodes
 from pinholify.detection.gray_code.patterns import Pattern, gray_code
+from pinholify.detection.gray_code.screen_map import decode, shift_between
 from pinholify.errors import BoardError, ImageError, InputError
 from pinholify.io.images import write_image
 from pinholify.simulation.photograph import Sensor

@@ -48,7 +48,7 @@ def test_less_than_half_of_a_board_without_ends_is_not_taken_for_it(board_image)
     image, _ = board_image(9, 6, homography=shifted((-420, -330), CLOSE @ np.diag([2.0, 2.0, 1.0])))
     corners = detect_board(image, BOARD)
     assert not corners.found
-    assert "which ones cannot be told" in corners.reason
+    assert "which ones cannot be determined" in corners.reason
 
 
 def test_a_hand_before_the_board_hides_no_other_corner(board_image):

@@ -7,7 +7,7 @@ from pinholify.errors import ImageError, InputError
 from pinholify.expansion import expand
 from pinholify.rectification.maps import rectification_map
 from pinholify.rectification.straightener import Straightener
-from pinholify.rectification.trust import believable, source_mask
+from pinholify.rectification.valid_region import believable, source_mask
 from pinholify.rectification.views import named_view, share_outside
 from synthetic import FOCAL, SIZE, TRUE_F, project
 

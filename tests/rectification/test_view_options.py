@@ -17,7 +17,7 @@ from pinholify.io.images import read_image, write_image
 from pinholify.rectification import views
 from pinholify.rectification.maps import rectification_map
 from pinholify.rectification.surfaces import Plane
-from pinholify.rectification.trust import source_mask
+from pinholify.rectification.valid_region import source_mask
 from synthetic import SIZE
 
 

@@ -18,7 +18,7 @@ from pinholify.rectification.maps import rectification_map, remap
 from pinholify.rectification.rectangle import largest_rectangle
 from pinholify.rectification.straightener import Straightener
 from pinholify.rectification.surfaces import Cylinder, Plane, Sphere
-from pinholify.rectification.trust import believable, source_mask
+from pinholify.rectification.valid_region import believable, source_mask
 from pinholify.rectification.views import CUBE, SURFACES, View, named_view, share_outside
 
 SIZE = (640, 480)

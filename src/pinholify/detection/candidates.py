@@ -23,10 +23,10 @@ RING_RADIUS = 4.0
 
 RING_SAMPLES = 32
 
-MOST = 20_000
+MOST_CANDIDATES = 20_000
 """Saddles looked at, the strongest first; photographs of gravel have far more."""
 
-ENOUGH = 100_000
+CONTRAST_PIXELS = 100_000
 """Pixels, evenly spread, that tell the range and the noise of an image's grey levels."""
 
 
@@ -62,7 +62,7 @@ def find_candidates(grey: Grey) -> Candidates:
 
 def _least_contrast(grey: Grey) -> float:
     """Grey levels that a corner's sectors must differ by: above noise, and 3 % of the image's own range."""
-    step = int(np.ceil(np.sqrt(grey.size / ENOUGH)))
+    step = int(np.ceil(np.sqrt(grey.size / CONTRAST_PIXELS)))
     low, high = np.percentile(grey[::step, ::step], [1, 99])
     rows = grey[:: step * step]
     noise = 1.4826 * np.median(np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:])) / np.sqrt(6.0)
@@ -82,8 +82,8 @@ def _saddles(smooth: Grey, least_contrast: float) -> tuple[Floats, Floats]:
     peak = (saddleness > threshold) & (saddleness >= cv2.dilate(saddleness, np.ones((5, 5), np.uint8)))
     peak[:3], peak[-3:], peak[:, :3], peak[:, -3:] = False, False, False, False
     v, u = np.nonzero(peak)
-    if len(u) > MOST:
-        strongest = np.argpartition(-saddleness[v, u], MOST)[:MOST]
+    if len(u) > MOST_CANDIDATES:
+        strongest = np.argpartition(-saddleness[v, u], MOST_CANDIDATES)[:MOST_CANDIDATES]
         v, u = v[strongest], u[strongest]
     right, down = smooth[v, u + 1] - smooth[v, u - 1], smooth[v + 1, u] - smooth[v - 1, u]
     gradient = np.stack([right, down], axis=1) / 2.0

@@ -13,46 +13,45 @@ a finger, a marker, the image's end.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import erf
 
-from pinholify.arrays import Bools, Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints, joined, selected
 from pinholify.detection.intensity import Grey
 from pinholify.detection.windows import Samples, Windows, read, worth_reading
 
-BLOCK = 12_000
+BLOCK_SAMPLES = 12_000
 """Places read at a time: as many as fit a processor's cache."""
 
-ROUGHLY = 400
+ROUGH_SAMPLES = 400
 """Samples of a window that the fit starts with."""
 
 ITERATIONS = 6
 
-SETTLED = 0.03
+SETTLED_PX = 0.03
 """Steps (px) below which the fit is done: the next would be shorter by about its square."""
 
-FIRST_BLUR = 1.0
+FIRST_BLUR_PX = 1.0
 """Standard deviation (px) of the edges' blur to start from."""
 
-LEAST = np.array([-1.0, -1.0, -0.7, -0.7, np.log(0.3)])
-GREATEST = np.array([1.0, 1.0, 0.7, 0.7, np.log(8.0)])
+LEAST_SHAPE = np.array([-1.0, -1.0, -0.7, -0.7, np.log(0.3)])
+GREATEST_SHAPE = np.array([1.0, 1.0, 0.7, 0.7, np.log(8.0)])
 """Limits of d, e, α, β and log blur (px)."""
 
 OUTLIER = 3.0
 """Residuals beyond this many times the window's own scale lose weight (Tukey's biweight ends at twice that).
 """
 
-TOLERATED = 0.03
+TOLERATED_MISFIT = 0.03
 """What the model itself, and interpolation, miss near the edges, as a fraction of κ: no outliers, these."""
 
-SKIPPED = 3
+SCALE_STRIDE = 3
 """Of so many samples one is enough to tell the scale of all."""
 
-LEAST_KEPT = 0.3
+LEAST_WEIGHT_SHARE = 0.3
 """Of all weights: a fit that keeps fewer is no fit of the corner."""
 
 LEAST_SPREAD = 0.01
@@ -75,11 +74,11 @@ class Crossings:
 
     def select(self, keep: Ints) -> Crossings:
         """The corners at the positions ``keep``."""
-        return _selected(self, keep)
+        return selected(self, keep)
 
     def replaced(self, where: Ints, others: Crossings) -> Crossings:
         """The same corners, with ``others`` at the positions ``where``."""
-        together = _joined([self, others])
+        together = joined([self, others])
         order = np.arange(len(self.uv))
         order[where] = len(self.uv) + np.arange(len(others.uv))
         return together.select(order)
@@ -92,10 +91,10 @@ def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
     """
     order = np.argsort(-windows.area, kind="stable")  # of those of like size as many samples are worth reading
     ordered = windows.select(order)
-    few = np.full(len(order), ROUGHLY)
-    rough = _joined([_fitted(*each) for each in _blocks(grey, ordered, _start(len(order)), few)])
+    few = np.full(len(order), ROUGH_SAMPLES)
+    rough = joined([_fitted(*each) for each in _blocks(grey, ordered, _start(len(order)), few)])
     fine = [_crossings(*each[:2], _fitted(*each)) for each in _blocks(grey, ordered, rough, worth_reading(ordered))]
-    return _joined(fine).select(np.argsort(order))
+    return joined(fine).select(np.argsort(order))
 
 
 def _blocks(grey: Grey, windows: Windows, fits: _Fit, counts: Ints) -> Iterator[tuple[Windows, Samples, _Fit]]:
@@ -106,9 +105,9 @@ def _blocks(grey: Grey, windows: Windows, fits: _Fit, counts: Ints) -> Iterator[
     first = 0
     while first < len(counts):
         count = int(counts[first])
-        block = np.arange(first, min(first + max(1, BLOCK // count), len(counts)))
+        block = np.arange(first, min(first + max(1, BLOCK_SAMPLES // count), len(counts)))
         part = windows.select(block)
-        yield part, read(grey, part, count), _selected(fits, block)
+        yield part, read(grey, part, count), selected(fits, block)
         first = int(block[-1]) + 1
 
 
@@ -135,24 +134,10 @@ def _nonzero(strength: Floats) -> Floats:
     return np.where(np.abs(strength) < 1e-6, 1e-6, strength)
 
 
-Fitted = TypeVar("Fitted", Crossings, _Fit)
-
-
-def _selected(fitted: Fitted, keep: Ints) -> Fitted:
-    """The windows at the positions ``keep``."""
-    return replace(fitted, **{field.name: getattr(fitted, field.name)[keep] for field in fields(fitted)})
-
-
-def _joined(parts: Sequence[Fitted]) -> Fitted:
-    """The windows of all ``parts``, one after the other."""
-    names = [field.name for field in fields(parts[0])]
-    return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
-
-
 def _start(count: int) -> _Fit:
     """Two edges along the windows' axes, before anything is known of the grey levels."""
     shape = np.zeros((count, 5))
-    shape[:, 4] = np.log(FIRST_BLUR)
+    shape[:, 4] = np.log(FIRST_BLUR_PX)
     return _Fit(shape, np.zeros((count, 6)), np.zeros((count, 5)), np.full(count, np.inf), np.zeros((count, 11, 11)))
 
 
@@ -164,16 +149,16 @@ def _fitted(windows: Windows, samples: Samples, fit: _Fit) -> _Fit:
         design = _design(fit.shape, scale, samples)
         misfit = samples.values - (fit.linear[:, None] @ design[:, :6])[:, 0]
         fit = _step(samples, design, _trust(misfit, fit, samples.inside), fit.shape)
-        if (np.abs(fit.step[:, :2]) * scale).max(initial=0.0) < SETTLED:
+        if (np.abs(fit.step[:, :2]) * scale).max(initial=0.0) < SETTLED_PX:
             break
     return fit
 
 
 def _trust(misfit: Floats, fit: _Fit, inside: Bools) -> Floats:
     """Tukey's weights (n, m), and all alike where a step has gone so far that hardly any would be left."""
-    end = 2 * OUTLIER * (fit.spread + TOLERATED * np.abs(fit.linear[:, 3]))
+    end = 2 * OUTLIER * (fit.spread + TOLERATED_MISFIT * np.abs(fit.linear[:, 3]))
     weight = inside * np.clip(1 - (misfit / end[:, None]) ** 2, 0.0, None) ** 2
-    lost = weight.sum(axis=1) < LEAST_KEPT * inside.sum(axis=1)
+    lost = weight.sum(axis=1) < LEAST_WEIGHT_SHARE * inside.sum(axis=1)
     return np.where(lost[:, None], inside, weight)
 
 
@@ -183,10 +168,10 @@ def _step(samples: Samples, design: Floats, weight: Floats, shape: Floats) -> _F
     normal += 1e-9 * np.einsum("nii->n", normal)[:, None, None] * np.eye(11)
     solution: Floats = np.asarray(np.linalg.solve(normal, weighted @ samples.values[:, :, None])[:, :, 0], np.float64)
     residual = samples.values - (solution[:, None] @ design)[:, 0]
-    scatter = 1.4826 * np.median(np.abs((residual * samples.inside)[:, ::SKIPPED]), axis=1)
+    scatter = 1.4826 * np.median(np.abs((residual * samples.inside)[:, ::SCALE_STRIDE]), axis=1)
     strength = _nonzero(solution[:, 3])
     step = solution[:, 6:] / strength[:, None]
-    shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST, GREATEST)
+    shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST_SHAPE, GREATEST_SHAPE)
     return _Fit(shape, solution[:, :6], step, scatter + LEAST_SPREAD * np.abs(strength), normal)
 
 
@@ -229,7 +214,8 @@ def _crossings(windows: Windows, samples: Samples, fit: _Fit) -> Crossings:
     st = np.stack([s, t], axis=1)
     shift = (windows.axes @ st[:, :, None])[:, :, 0]
     shift += (windows.bend @ np.stack([s * s, s * t, t * t], axis=1)[:, :, None])[:, :, 0]
-    covariance = np.linalg.inv(fit.normal)[:, 6:8, 6:8] * (samples.shared * (fit.spread / strength) ** 2)[:, None, None]
+    of_d_and_e = np.linalg.solve(fit.normal, np.eye(11)[None, :, 6:8])[:, 6:8]
+    covariance = of_d_and_e * (samples.shared * (fit.spread / strength) ** 2)[:, None, None]
     spatial = windows.axes @ covariance @ windows.axes.transpose(0, 2, 1)
     std = np.sqrt(np.maximum(np.einsum("nii->n", spatial) / 2, 0.0))
     scale = np.linalg.norm(windows.axes, axis=1)

@@ -13,8 +13,8 @@ from typing import TypeVar
 from pinholify.board import Board, Checkerboard
 from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet, not_found
-from pinholify.detection.detect import detect_board, detect_size
-from pinholify.detection.placement import LARGER
+from pinholify.detection.checkerboard import detect_size
+from pinholify.detection.detect import detect_board
 from pinholify.detection.second_look import look_again
 from pinholify.errors import BoardError, ImageError, InputError
 from pinholify.io.images import read_image
@@ -152,7 +152,7 @@ def _size_in_file(path: Path) -> Checkerboard | None:
 
 def _check_size_of_board(views: Sequence[Corners], board: Board) -> None:
     """Raise BoardError where as many images show a larger board as seem to show ``board``: its size was mistaken."""
-    larger = [view for view in views if LARGER in view.reason]
+    larger = [view for view in views if view.larger_board]
     if 0 < sum(view.found for view in views) <= len(larger):
         raise BoardError(
             f"{len(larger)} of {len(views)} images show another board than {board.spec} (in '{larger[0].name}' "

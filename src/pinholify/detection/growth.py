@@ -17,7 +17,7 @@ from pinholify.detection.lattice import Lattice
 from pinholify.detection.prediction import Prediction, predict
 from pinholify.detection.saddle import refine_saddles, saddle_strength, sample
 
-FEWEST = 9
+FEWEST_CORNERS = 9
 """Corners below which a lattice is no evidence of a board."""
 
 MOST_SEEDS = 40
@@ -26,13 +26,13 @@ MOST_SEEDS = 40
 MOST_LARGEST = 20
 """The work in one image: as many corners as so many of the largest lattices have."""
 
-APART = 4
+CROSSES_APART = 4
 """Columns between crosses that are looked at together: none is next to another, and their colours are alike."""
 
-ALIKE = 0.5
+LEAST_CONTRAST_RATIO = 0.5
 """The least ratio of the contrasts of two candidates that are taken for corners of one lattice before it is grown."""
 
-DISORDER = 0.1
+MOST_DISORDER = 0.1
 """Above this a lattice is letters or leaves; the most bent photographs of boards stay below a third of it."""
 
 MOST_REPAIRS = 5
@@ -40,19 +40,19 @@ MOST_REPAIRS = 5
 
 SIDES = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
-PAIR = 2**32
+ROWS_PER_COLUMN = 2**32
 """Columns are counted in this many rows where a pair of indices has to be one number."""
 
 GATE = (0.1, 0.4)
 """The gate around a prediction is six standard deviations, within these fractions of the spacing."""
 
-BESIDE = 0.125
+BESIDE_EDGE = 0.125
 """How far beside an edge its colours are compared, as a fraction of the squares' width."""
 
-ENOUGH = 24
+STRENGTH_SAMPLES = 24
 """Corners that tell how strong the others of a lattice are."""
 
-WINDOW = 0.25
+SEARCH_WINDOW = 0.25
 """Half window of the search at a predicted place, as a fraction of the spacing."""
 
 
@@ -71,7 +71,7 @@ class Grower:
     most: float
 
     def lattices(self) -> Iterator[Lattice]:
-        """Lattices of at least FEWEST corners, from a seed of each group in turn; no candidate is used twice."""
+        """Lattices of at least FEWEST_CORNERS corners, from a seed of each group in turn; no candidate is used twice."""
         links = neighbours(self.candidates)
         free = np.ones(len(self.candidates), dtype=bool)
         tried, looked_at = 0, 0
@@ -82,7 +82,7 @@ class Grower:
                 return
             lattice = self.grow(_first_cross(self.candidates, links, seed))
             tried, looked_at = tried + 1, looked_at + len(lattice)
-            if len(lattice) < FEWEST or disorder(lattice) > DISORDER:
+            if len(lattice) < FEWEST_CORNERS or disorder(lattice) > MOST_DISORDER:
                 free[seed] = False
                 continue
             near = self.tree.query_ball_point(lattice.uv, 3.0)
@@ -94,10 +94,10 @@ class Grower:
         banned: set[tuple[int, int]] = set()
         for _ in range(MOST_REPAIRS):
             lattice = self._grow(lattice, banned)
-            if len(lattice) < FEWEST:
+            if len(lattice) < FEWEST_CORNERS:
                 break
             expected = left_out(lattice)
-            if disorder(lattice, expected) > DISORDER:
+            if disorder(lattice, expected) > MOST_DISORDER:
                 break
             kept = regular(lattice, expected=expected)
             if kept.all():
@@ -110,7 +110,7 @@ class Grower:
         """``lattice`` with ring after ring of corners that stand at the ends of good edges, none in
         ``banned``.
         """
-        doubled = 2 * FEWEST
+        doubled = 2 * FEWEST_CORNERS
         while True:
             grown = self._ring(lattice, banned)
             kept = bounded(self.grey, grown, self.beside)
@@ -119,7 +119,7 @@ class Grower:
             if len(grown) <= len(lattice) or len(grown) > self.most:
                 return grown
             if len(grown) >= doubled:
-                if disorder(grown) > DISORDER:
+                if disorder(grown) > MOST_DISORDER:
                     return grown
                 doubled = 2 * len(grown)
             lattice = grown
@@ -133,7 +133,7 @@ class Grower:
             return seeds
         # All crosses at once, as one lattice of which they are separate parts.
         cross = np.concatenate([[[0, 0]], SIDES])
-        index = cross + np.arange(len(seeds))[:, None, None] * np.array([APART, 0])
+        index = cross + np.arange(len(seeds))[:, None, None] * np.array([CROSSES_APART, 0])
         uv = self.candidates.uv[np.column_stack([seeds, links[seeds]])]
         crosses = Lattice(index.reshape(-1, 2), uv.reshape(-1, 2), np.ones(uv.size // 2), 1)
         rise = _rises(self.grey, crosses, self.beside)[2].reshape(2, len(seeds), 2)
@@ -148,7 +148,7 @@ class Grower:
                 continue
             expected = predict(lattice.index, lattice.uv, beyond)
             uv, found = self.match(beyond, expected, lattice)
-            if not found.any() and len(lattice) >= FEWEST:
+            if not found.any() and len(lattice) >= FEWEST_CORNERS:
                 uv, found = self._search(beyond, expected, lattice)
             if found.any():
                 return lattice.joined(beyond[found], uv[found])
@@ -166,7 +166,7 @@ class Grower:
 
     def _search(self, index: Ints, expected: Prediction, lattice: Lattice) -> tuple[Floats, Bools]:
         """Saddles fitted at the predicted places, in windows of the predicted scale and shear."""
-        frames = WINDOW * expected.jacobian
+        frames = SEARCH_WINDOW * expected.jacobian
         inside = _inside(self.grey, expected.uv, frames)
         usual = self._usual_strength(lattice)
         frames[~inside] = np.eye(2)
@@ -178,12 +178,12 @@ class Grower:
 
     def _usual_strength(self, lattice: Lattice) -> float:
         """Median of the saddles' strength at corners spread over ``lattice``, in grey levels."""
-        some = lattice.select(np.arange(len(lattice)) % (1 + len(lattice) // ENOUGH) == 0)
+        some = lattice.select(np.arange(len(lattice)) % (1 + len(lattice) // STRENGTH_SAMPLES) == 0)
         frames = predict(lattice.index, lattice.uv, some.index).jacobian
-        return float(np.median(np.abs(saddle_strength(self.grey, some.uv, WINDOW * frames))))
+        return float(np.median(np.abs(saddle_strength(self.grey, some.uv, SEARCH_WINDOW * frames))))
 
 
-def grower(grey: Grey, candidates: Candidates, *, beside: float = BESIDE, most: float = np.inf) -> Grower:
+def grower(grey: Grey, candidates: Candidates, *, beside: float = BESIDE_EDGE, most: float = np.inf) -> Grower:
     """A grower over ``grey`` with an index of its ``candidates``, of lattices of about ``most`` corners at most."""
     return Grower(grey, candidates, cKDTree(candidates.uv), beside, most)
 
@@ -220,7 +220,7 @@ def regular(lattice: Lattice, at: Floats | None = None, *, expected: Prediction 
     return kept
 
 
-def bounded(grey: Grey, lattice: Lattice, beside: float = BESIDE) -> Bools:
+def bounded(grey: Grey, lattice: Lattice, beside: float = BESIDE_EDGE) -> Bools:
     """Which corners (n,) have black on one side and white on the other of most edges to their neighbours."""
     start, end, rise = _rises(grey, lattice, beside)
     if not len(rise):
@@ -322,7 +322,7 @@ def _groups(candidates: Candidates, links: Ints) -> Ints:
     end = links[start, side]
     contrast = candidates.contrast
     kept = (links[end] == start[:, None]).any(axis=1)
-    kept &= np.minimum(contrast[start], contrast[end]) > ALIKE * np.maximum(contrast[start], contrast[end])
+    kept &= np.minimum(contrast[start], contrast[end]) > LEAST_CONTRAST_RATIO * np.maximum(contrast[start], contrast[end])
     count = len(candidates)
     graph = csr_array((np.ones(kept.sum(), dtype=bool), (start[kept], end[kept])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])
@@ -338,9 +338,9 @@ def frontier(index: Ints, reach: int, banned: set[tuple[int, int]]) -> Ints:
     around = (index[:, None] + reach * SIDES).reshape(-1, 2)
     taken = np.concatenate([index, np.array(sorted(banned), dtype=np.int64).reshape(-1, 2)])
     # One number for a pair, in the order of pairs.
-    new = np.setdiff1d(around @ [PAIR, 1], taken @ [PAIR, 1])
-    column = (new + PAIR // 2) // PAIR
-    return np.stack([column, new - column * PAIR], axis=1)
+    new = np.setdiff1d(around @ [ROWS_PER_COLUMN, 1], taken @ [ROWS_PER_COLUMN, 1])
+    column = (new + ROWS_PER_COLUMN // 2) // ROWS_PER_COLUMN
+    return np.stack([column, new - column * ROWS_PER_COLUMN], axis=1)
 
 
 def _pairs(index: Ints) -> set[tuple[int, int]]:

@@ -35,13 +35,13 @@ AROUND = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, -1], [
 MOST_MISFIT = 0.1
 """Of the spacing: where the corners known fit the camera worse, it is another camera's photograph."""
 
-SURE = 0.25
+MOST_RELATIVE_STD = 0.25
 """Standard deviation, as a fraction of the spacing, above which a place is not known well enough to look there."""
 
-GATE = 6.0
+GATE_STDS = 6.0
 """Standard deviations from its expected place within which a corner may be found."""
 
-MODEL = 0.05
+MODEL_ERROR_PX = 0.05
 """px. How far off a camera may be where its own standard deviation says nothing of it, as beyond its corners."""
 
 
@@ -93,7 +93,7 @@ def expect(camera: VirtualCamera, view: Corners, board: Board) -> Expected | Non
     inside = ((uv > 0) & (uv < np.array(camera.image_size) - 1)).all(axis=(1, 2))
     std = np.full(len(places), np.inf)
     std[inside] = _std(camera, pose, covariance * scatter**2, places[inside], uv[inside, 0], scatter)
-    return Expected(Prediction(uv[:, 0], std, jacobian, spacing), second, inside & (std < SURE * spacing))
+    return Expected(Prediction(uv[:, 0], std, jacobian, spacing), second, inside & (std < MOST_RELATIVE_STD * spacing))
 
 
 def _derivatives(uv: Floats) -> tuple[Floats, Floats]:
@@ -111,12 +111,12 @@ def _std(
 ) -> Floats:
     """Standard deviation (n,) px of a corner found from where it is expected.
 
-    It is made of the ``pose`` with its ``covariance``, the camera's map, the ``scatter`` of corners, and MODEL.
+    It is made of the ``pose`` with its ``covariance``, the camera's map, the ``scatter`` of corners, and MODEL_ERROR_PX.
     """
     _, by_pose = pose_residuals(sighting_of(camera, flat(places), uv), pose, camera.chart)
     by_pose = by_pose.reshape(-1, 2, 6)
     variance = np.einsum("nij,jk,nik->n", by_pose, covariance, by_pose) / 2
-    return np.asarray(np.sqrt(variance + camera.shape_std(uv) ** 2 + scatter**2 + MODEL**2))
+    return np.asarray(np.sqrt(variance + camera.shape_std(uv) ** 2 + scatter**2 + MODEL_ERROR_PX**2))
 
 
 def _fitted(grey: Grey, view: Corners, board: Board, expected: Expected) -> Corners:
@@ -137,7 +137,7 @@ def _fitted(grey: Grey, view: Corners, board: Board, expected: Expected) -> Corn
     phase = 1 if np.median((crossings.strength * signs(index, 1))[known]) > 0 else -1
     lattice = Lattice(index, crossings.uv, weights(crossings), phase)
     miss = np.linalg.norm(crossings.uv - prediction.uv[ids], axis=1)
-    near = miss < GATE * np.hypot(prediction.std[ids], crossings.std)
+    near = miss < GATE_STDS * np.hypot(prediction.std[ids], crossings.std)
     good = near & true_corners(lattice, crossings, known)
     uv, weight = np.where(good[:, None], crossings.uv, uv), np.where(good, lattice.weights, weight)
     kept = known | good

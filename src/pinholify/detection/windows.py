@@ -7,23 +7,23 @@ from functools import cache
 
 import numpy as np
 
-from pinholify.arrays import Bools, Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints, selected
 from pinholify.detection.intensity import Grey
 from pinholify.detection.saddle import sample
 
-FEWEST, MOST = 700, 2400
+FEWEST_SAMPLES, MOST_SAMPLES = 700, 2400
 """Places that are read in a window; of few the errors of interpolation do not average out."""
 
 DENSITY = 1.2
 """Places a px² that are worth reading."""
 
-BAND = 5.0
+BAND_PX = 5.0
 """px to each side of the two lines in which places stay dense where a window is too wide for all of it to be so."""
 
 LARGEST_SHARE = 1 / 3
 """Of all places, those that are set aside for the band along one line."""
 
-INDEPENDENT = 0.45
+INDEPENDENT_DENSITY = 0.45
 """Places a px² up to which each tells something of its own: interpolation has neighbours share their pixels' noise."""
 
 
@@ -45,7 +45,7 @@ class Windows:
 
     def select(self, keep: Ints) -> Windows:
         """The windows at the positions ``keep``."""
-        return Windows(self.uv[keep], self.axes[keep], self.bend[keep])
+        return selected(self, keep)
 
     @property
     def area(self) -> Floats:
@@ -74,21 +74,21 @@ class Samples:
 
 def worth_reading(windows: Windows) -> Ints:
     """How many places are worth reading in each of ``windows``: (n,), hundreds, of which few sequences are kept."""
-    return np.clip(DENSITY * windows.area, FEWEST, MOST).astype(np.intp) // 100 * 100
+    return np.clip(DENSITY * windows.area, FEWEST_SAMPLES, MOST_SAMPLES).astype(np.intp) // 100 * 100
 
 
 def read(grey: Grey, windows: Windows, count: int) -> Samples:
     """The grey levels at ``count`` places, an even number, in each of ``windows``."""
     area, sides = np.maximum(windows.area, 1.0), np.linalg.norm(windows.axes, axis=1)
-    # What is BAND from the line s = 0 has |s| = BAND ÷ the height of the window over its axis t.
-    band = np.minimum(1.0, BAND * 4.0 * sides[:, ::-1] / area[:, None])
+    # What is BAND_PX from the line s = 0 has |s| = BAND_PX ÷ the height of the window over its axis t.
+    band = np.minimum(1.0, BAND_PX * 4.0 * sides[:, ::-1] / area[:, None])
     share = np.clip(band * (DENSITY * area / count - 1.0)[:, None], 0.0, LARGEST_SHARE)
     s, t = _places(count, band, share)
     places = windows.at(s, t).transpose(0, 2, 1)
     u, v = places[..., 0], places[..., 1]
     inside = np.asarray((u >= 0) & (v >= 0) & (u <= grey.shape[1] - 1) & (v <= grey.shape[0] - 1))
     along = count / area * (1.0 - share.sum(axis=1) + (share / band).mean(axis=1))
-    return Samples(s, t, sample(grey, places), inside, np.maximum(1.0, along / INDEPENDENT))
+    return Samples(s, t, sample(grey, places), inside, np.maximum(1.0, along / INDEPENDENT_DENSITY))
 
 
 def _places(count: int, band: Floats, share: Floats) -> tuple[Floats, Floats]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pinholify.arrays import Bools, Ints
 from pinholify.camera import VirtualCamera
 from pinholify.expansion import expand
-from pinholify.rectification.trust import source_log_std, source_mask
+from pinholify.rectification.valid_region import source_log_std, source_mask
 from pinholify.rectification.views import View
 
 Image = NDArray[np.generic]

@@ -14,7 +14,7 @@ from pinholify.arrays import Bools, Ints
 from pinholify.camera import VirtualCamera
 from pinholify.expansion import expand
 from pinholify.rectification.maps import Image, rectification_map
-from pinholify.rectification.trust import source_mask
+from pinholify.rectification.valid_region import source_mask
 from pinholify.rectification.views import View
 
 AROUND = np.array(list(product((-1, 0, 1), repeat=2)))

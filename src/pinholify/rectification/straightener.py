@@ -8,7 +8,7 @@ from pinholify.camera import VirtualCamera, virtual
 from pinholify.errors import ImageError, InputError
 from pinholify.rectification.maps import Image, Sampler, rectification_map, sampler
 from pinholify.rectification.splatting import Splatter, splatter
-from pinholify.rectification.views import STRAIGHT_ON, Angles, View, named_view
+from pinholify.rectification.views import STRAIGHT_ON, View, YawPitchRoll, named_view
 
 METHODS = ("remap", "splat")
 
@@ -35,7 +35,7 @@ class Straightener:
     size: tuple[int, int] | None = None
     method: str = "remap"
     max_std: float | None = None
-    turn: Angles = STRAIGHT_ON
+    turn: YawPitchRoll = STRAIGHT_ON
     fov: float | None = None
     keep: str = "all"
     fixed_point: bool = False

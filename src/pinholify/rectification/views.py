@@ -14,12 +14,12 @@ from pinholify.expansion import expand
 from pinholify.geometry import homogeneous
 from pinholify.rectification.rectangle import largest_rectangle
 from pinholify.rectification.surfaces import Cylinder, Plane, Sphere, Surface
-from pinholify.rectification.trust import believable, believable_directions
+from pinholify.rectification.valid_region import believable, believable_directions
 
-Angles = tuple[float, float, float]
+YawPitchRoll = tuple[float, float, float]
 """Yaw to the right, pitch upwards, roll clockwise: degrees, applied in this order."""
 
-CUBE: dict[str, Angles] = {
+CUBE: dict[str, YawPitchRoll] = {
     "cube-front": (0.0, 0.0, 0.0),
     "cube-right": (90.0, 0.0, 0.0),
     "cube-back": (180.0, 0.0, 0.0),
@@ -35,7 +35,7 @@ SURFACES: dict[str, Surface] = {
 }
 VIEWS = (*SURFACES, *CUBE)
 KEPT = ("all", "valid")
-STRAIGHT_ON: Angles = (0.0, 0.0, 0.0)
+STRAIGHT_ON: YawPitchRoll = (0.0, 0.0, 0.0)
 STEEPEST = np.deg2rad(65.0)  # how far from its axis, or from the horizon, a view shows all that is known
 STEEPEST_CORNER = np.deg2rad(70.0)  # how far it goes for the sake of corners, where that takes in all of them
 LOOKS_AWAY = "the view looks away from everything the camera sees; choose another view"
@@ -76,7 +76,7 @@ def named_view(
     size: tuple[int, int] | None,
     max_std: float | None,
     *,
-    turn: Angles = STRAIGHT_ON,
+    turn: YawPitchRoll = STRAIGHT_ON,
     fov: float | None = None,
     keep: str = "all",
 ) -> View:
@@ -134,11 +134,13 @@ def _optical_axis(camera: VirtualCamera) -> tuple[Floats, Floats]:
     return camera.chart.directions(q)[0], down
 
 
-def _turned(rotation: Floats, turn: Angles) -> Floats:
+def _turned(rotation: Floats, turn: YawPitchRoll) -> Floats:
     return np.asarray(Rotation.from_euler("YXZ", turn, degrees=True).as_matrix().T @ rotation)
 
 
-def _cube_face(camera: VirtualCamera, name: str, size: tuple[int, int] | None, turn: Angles, *, given: bool) -> View:
+def _cube_face(
+    camera: VirtualCamera, name: str, size: tuple[int, int] | None, turn: YawPitchRoll, *, given: bool
+) -> View:
     """A face; as fine as the middle of the image by default."""
     if given:
         raise InputError(f"the view '{name}' is the face of a cube, 90 degrees wide; leave out --fov and --keep")

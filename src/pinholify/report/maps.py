@@ -12,7 +12,7 @@ from pinholify.camera import VirtualCamera
 from pinholify.evaluation.measures import rms
 from pinholify.evaluation.verdict import Residuals, Verdict
 from pinholify.geometry import convex_hull
-from pinholify.rectification.trust import believable_share
+from pinholify.rectification.valid_region import believable_share
 from pinholify.report.contours import Polygons, grid_pixels, region_inside, regions_above
 
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # px

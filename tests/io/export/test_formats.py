@@ -26,7 +26,7 @@ from pinholify.io.importing.adoption import adopt
 from pinholify.io.importing.base import ForeignCamera
 from pinholify.io.importing.projections import splined_stereographic
 from pinholify.rectification.straightener import Straightener
-from pinholify.rectification.trust import believable
+from pinholify.rectification.valid_region import believable
 from pinholify.simulation.lenses import LENSES
 from tilted import IMAGE_SIZE, tilted_calibration
 

@@ -6,8 +6,8 @@ of the screen.
 
 from pinholify.detection.gray_code.captures import read_manifest, write_patterns
 from pinholify.detection.gray_code.decode import Decoded, decode_captures, decode_folders
-from pinholify.detection.gray_code.decoding import ScreenMap
 from pinholify.detection.gray_code.patterns import Pattern, Sequence
+from pinholify.detection.gray_code.screen_map import ScreenMap
 
 __all__ = [
     "Decoded",

@@ -18,36 +18,36 @@ from pinholify.detection.gray_code.patterns import Pattern, Sequence
 from pinholify.detection.intensity import Grey
 from pinholify.errors import ImageError
 
-NEARLY = 0.15
+LEVEL_TOLERANCE = 0.15
 """Of white over black: what a picture and its inverse may both be away from black, or from white, to contradict."""
 
-SUSPICIOUS = 0.2
+SUSPICIOUS_SHARE = 0.2
 """Share of the pixels, or of the stripes' borders, that must contradict: noise and hands spoil fewer."""
 
-SATURATED = 0.98
+SATURATED_LEVEL = 0.98
 """Of the sensor's range: in a white picture as bright as that, grey may be white as well."""
 
-EDGE = 0.5
+EDGE_CONTRAST = 0.5
 """Of the contrast: where it falls below that within three pixels, the screen or its reflection ends."""
 
-BEYOND = 2.0
+LIT_FACTOR = 2.0
 """Of the contrast from which on a pixel is lit: what none shows that the white and the black picture call unlit."""
 
-LIKE = 0.75
+AMPLITUDE_RATIO = 0.75
 """Amplitude of a wave's step, of the typical one's, or the inverse of that."""
 
 FEWEST_BORDERS = 30
 FEWEST_PIXELS = 500
-FEWEST_KNOWN = 0.5
+LEAST_KNOWN_SHARE = 0.5
 """Of the pixels that see the screen: where fewer see the stripes, those that do are at edges and of no use."""
 
 FEWEST_PERIODS = 2
 """Of the waves, in view: of less, a wave's fit depends on where the stripes are cut off."""
 
-LINES = 400
+SAMPLED_LINES = 400
 """Rows and columns of pixels that are looked at."""
 
-LEAST_ANGLE = np.pi / 16.0
+LEAST_ANGLE_RAD = np.pi / 16.0
 """Of a wave's period: below it a shift is not told from what the stripes' width leaves open."""
 
 
@@ -72,7 +72,7 @@ class Lit:
     def strides(self) -> tuple[int, int]:
         """Of the rows and of the columns that are looked at."""
         height, width = self.contrast.shape
-        return max(1, height // LINES), max(1, width // LINES)
+        return max(1, height // SAMPLED_LINES), max(1, width // SAMPLED_LINES)
 
     def sample(self, image: NDArray[Any]) -> NDArray[Any]:
         """The values (n,) of ``image`` (height, width) at some of the pixels that see the screen."""
@@ -89,13 +89,13 @@ def check_inverse(picture: Grey, inverse: Grey, lit: Lit, pattern: Pattern) -> N
 
     Also where they show a screen that the white and the black picture do not.
     """
-    beyond = ~lit.where & (np.abs(picture - inverse) > BEYOND * lit.least)
-    if np.count_nonzero(beyond) > SUSPICIOUS * np.count_nonzero(lit.where):
+    beyond = ~lit.where & (np.abs(picture - inverse) > LIT_FACTOR * lit.least)
+    if np.count_nonzero(beyond) > SUSPICIOUS_SHARE * np.count_nonzero(lit.where):
         raise _disordered(lit, [Pattern("white"), Pattern("black")], "do not show all of the screen, or all of it lit")
     levels = lit.levels(picture), lit.levels(inverse)
     white = lit.sample(lit.black) + lit.sample(lit.contrast)
-    contradict = (np.minimum(*levels) > 1.0 - NEARLY) & (white < SATURATED) | (np.maximum(*levels) < NEARLY)
-    if contradict.sum() > SUSPICIOUS * len(contradict):
+    contradict = (np.minimum(*levels) > 1.0 - LEVEL_TOLERANCE) & (white < SATURATED_LEVEL) | (np.maximum(*levels) < LEVEL_TOLERANCE)
+    if contradict.sum() > SUSPICIOUS_SHARE * len(contradict):
         raise _disordered(lit, _pair(pattern), "are no picture and its inverse")
 
 
@@ -109,7 +109,7 @@ def check_borders(number: Ints, clear: Bools, lit: Lit, pattern: Pattern) -> Non
     contrast = np.where(clear & lit.where, lit.contrast, np.float32(0.0))
     along_rows = _steps(number[::rows], contrast[::rows])
     steps = np.concatenate([along_rows, _steps(number[:, ::columns].T, contrast[:, ::columns].T)])
-    if len(steps) >= FEWEST_BORDERS and (steps > 1).mean() > SUSPICIOUS:
+    if len(steps) >= FEWEST_BORDERS and (steps > 1).mean() > SUSPICIOUS_SHARE:
         raise _disordered(lit, _pair(pattern), "do not fit the coarser stripes before them")
 
 
@@ -122,7 +122,7 @@ def _steps(number: Ints, contrast: Grey) -> Ints:
     before, left, right, after = (number[:, i : end + i] for i in range(4))
     seen = np.stack([contrast[:, i : end + i] for i in range(4)])
     border = (left >> 1 != right >> 1) & (before == left) & (right == after)
-    border &= seen.min(axis=0) > EDGE * seen.max(axis=0)
+    border &= seen.min(axis=0) > EDGE_CONTRAST * seen.max(axis=0)
     return np.asarray(np.abs(left[border] - right[border]))
 
 
@@ -135,12 +135,13 @@ def check_waves(waves: list[Grey], place: Grey, known: Bools, lit: Lit, axis: in
     where = lit.sample(known)
     levels, places = np.stack(waves)[:, where].astype(np.float64), lit.sample(place)[where]
     period = lit.sequence.period
-    enough = levels.shape[1] >= max(FEWEST_PIXELS, FEWEST_KNOWN * len(where))
+    enough = levels.shape[1] >= max(FEWEST_PIXELS, LEAST_KNOWN_SHARE * len(where))
     if not enough or np.ptp(np.quantile(places, (0.1, 0.9))) < FEWEST_PERIODS * period:
         return
     if wrong := _misplaced(levels, 2.0 * np.pi / period * places):
         patterns = [Pattern("wave", axis, step) for step in wrong]
-        raise _disordered(lit, patterns, "are not shifted as they should be against the stripes")
+        they_are = "is not shifted as it" if len(wrong) == 1 else "are not shifted as they"
+        raise _disordered(lit, patterns, f"{they_are} should be against the stripes")
 
 
 def _misplaced(levels: Floats, phase: Floats) -> list[int]:
@@ -150,15 +151,15 @@ def _misplaced(levels: Floats, phase: Floats) -> list[int]:
     """
     turns = np.exp(2j * np.pi * np.arange(len(levels)) / len(levels))
     seen = 2.0 / len(levels) * float(np.median(np.abs(turns @ levels)))
-    if seen < NEARLY / 2.0:
+    if seen < LEVEL_TOLERANCE / 2.0:
         return []
     design = np.column_stack([np.ones_like(phase), np.cos(phase), np.sin(phase)])
     _, cosine, sine = np.linalg.lstsq(design, levels.T, rcond=1e-6)[0]
     found = (cosine + 1j * sine) / turns
     amplitude = np.abs(found)
     typical = float(np.median(amplitude))
-    wrong = np.abs(np.angle(found)) > max(np.pi / len(levels), LEAST_ANGLE)
-    wrong |= (amplitude < max(LIKE * typical, seen / 2.0)) | (amplitude > typical / LIKE)
+    wrong = np.abs(np.angle(found)) > max(np.pi / len(levels), LEAST_ANGLE_RAD)
+    wrong |= (amplitude < max(AMPLITUDE_RATIO * typical, seen / 2.0)) | (amplitude > typical / AMPLITUDE_RATIO)
     return [int(step) for step in np.flatnonzero(wrong)]
 
 
@@ -170,8 +171,6 @@ def _disordered(lit: Lit, patterns: list[Pattern], what: str) -> ImageError:
     every = lit.sequence.patterns
     named = [f"{every.index(pattern) + 1} ({pattern.name})" for pattern in patterns]
     which = ", ".join(named[:-1]) + " and " * (len(named) > 1) + named[-1]
-    if len(named) == 1:
-        what = what.replace("are", "is").replace("they", "it")
     return ImageError(
         f"the captures in '{lit.name}' do not follow the order of the patterns: number{'s' * (len(named) > 1)} {which} "
         f"{what}; look for captures that are exchanged, doubled or lost, or capture this pose again"

@@ -15,23 +15,23 @@ from pinholify.calibration.condensing import foretold
 from pinholify.corners import Corners, CornerSet, not_found
 from pinholify.detection.files import unique_names
 from pinholify.detection.gray_code.captures import capture_paths, read_captures
-from pinholify.detection.gray_code.decoding import ScreenMap, decode
 from pinholify.detection.gray_code.nodes import Nodes, fit_nodes, least_spacing
 from pinholify.detection.gray_code.patterns import Sequence
+from pinholify.detection.gray_code.screen_map import ScreenMap, decode
 from pinholify.detection.intensity import Grey
 from pinholify.errors import ImageError
 
 REACH = 2
 """Nodes on each side that foretell a node."""
 
-LIMIT = 6.0
+LIMIT_STDS = 6.0
 """Standard deviations from what the neighbours foretell."""
 
 ROUNDS = 12
 """Of taking out the worst node of each neighbourhood."""
 
 FEWEST_NODES = 16
-FEW = 0.1
+FEW_NODES_SHARE = 0.1
 """Of a screen's nodes: where fewer are decoded it is asked why."""
 
 WEIGHTS = (0.2, 2.0)
@@ -107,7 +107,7 @@ def _typical(found: list[Nodes]) -> float:
 def _why_few(nodes: Nodes, decoded: ScreenMap, screen: Screen) -> str:
     """What to say where the ``nodes`` are too few: why, and what to do."""
     spacing, least = screen.spacing, screen.spacing
-    if len(nodes.ids) < FEWEST_NODES + FEW * size(screen):
+    if len(nodes.ids) < FEWEST_NODES + FEW_NODES_SHARE * size(screen):
         least = least_spacing(decoded, screen)
     if least > spacing:
         return f"nodes {spacing} screen px apart have too few pixels around them: say --spacing {least} or more"
@@ -138,7 +138,7 @@ def without_strangers(view: Corners, screen: Screen, std: float) -> Corners:
             continue
         excess = np.linalg.norm(uv - view.uv, axis=1) / (std * np.sqrt(variance + view.weights**-2.0))
         scale = max(1.0, float(np.median(excess)) / MEDIAN_LENGTH)
-        wrong = (excess > LIMIT * scale) & _worst_around(view, screen, excess)
+        wrong = (excess > LIMIT_STDS * scale) & _worst_around(view, screen, excess)
         if not wrong.any():
             break
         view = view.select(~wrong)

@@ -12,28 +12,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinholify.arrays import Bools, Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints, joined, selected
 from pinholify.board import Screen, size
-from pinholify.detection.gray_code.decoding import ScreenMap
+from pinholify.detection.gray_code.screen_map import ScreenMap
 
 FEWEST_PIXELS = 16
 """Of a cell: what a quadratic takes, and something to tell its noise by."""
 
-AMPLE = 1.5
+AMPLE_FACTOR = 1.5
 """Of the fewest pixels: what a cell should have when a spacing is advised."""
 
-COVERED = 0.6
+COVERED_SHARE = 0.6
 """Of the pixels that a whole cell has in the image: below it the cell is cut by an edge, of a hand or the image."""
 
-AROUND_MEDIAN = 4.0
+MOST_MEDIAN_DEVIATIONS = 4.0
 """Median deviations from a cell's median place in the image, beyond which a pixel is not of the cell."""
 
-OUTLIER = 4.0
+OUTLIER_STDS = 4.0
 """Standard deviations of a cell's residuals."""
 
 ROUNDS = 3
 NEWTON_STEPS = 4
-CHUNK = 400_000
+CHUNK_PIXELS = 400_000
 """Pixels fitted at a time."""
 
 
@@ -47,7 +47,7 @@ class Nodes:
 
     def select(self, keep: Bools) -> Nodes:
         """Those where ``keep`` (n,) is true."""
-        return Nodes(self.ids[keep], self.uv[keep], self.std[keep])
+        return selected(self, keep)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,9 +79,8 @@ class _Cells:
 
 def fit_nodes(decoded: ScreenMap, screen: Screen) -> Nodes:
     """The nodes of ``screen`` that ``decoded`` shows, each by a fit of its own; wrong ones may be among them."""
-    parts = [_fit(cells, screen.spacing) for cells in _cells(decoded, screen)]
-    parts = parts or [Nodes(np.empty(0, np.int64), np.empty((0, 2)), np.empty(0))]
-    return Nodes(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("ids", "uv", "std")))
+    parts = [_fit(cells) for cells in _cells(decoded, screen)]
+    return joined(parts or [Nodes(np.empty(0, np.int64), np.empty((0, 2)), np.empty(0))])
 
 
 def least_spacing(decoded: ScreenMap, screen: Screen) -> int:
@@ -89,7 +88,7 @@ def least_spacing(decoded: ScreenMap, screen: Screen) -> int:
     counts = np.concatenate([cells.counts() for cells in _cells(decoded, screen)] or [np.empty(0, np.int64)])
     if not len(counts):
         return screen.spacing
-    return int(np.ceil(screen.spacing * np.sqrt(AMPLE * FEWEST_PIXELS / np.median(counts))))
+    return int(np.ceil(screen.spacing * np.sqrt(AMPLE_FACTOR * FEWEST_PIXELS / np.median(counts))))
 
 
 def _cells(decoded: ScreenMap, screen: Screen) -> Iterator[_Cells]:
@@ -110,13 +109,13 @@ def _cells(decoded: ScreenMap, screen: Screen) -> Iterator[_Cells]:
 
 
 def _chunks(starts: Ints, total: int) -> Iterator[tuple[int, int]]:
-    """Ranges of cells of about ``CHUNK`` pixels each."""
-    bounds = np.searchsorted(starts, np.arange(0, total, CHUNK))
+    """Ranges of cells of about ``CHUNK_PIXELS`` pixels each."""
+    bounds = np.searchsorted(starts, np.arange(0, total, CHUNK_PIXELS))
     bounds = np.unique(np.append(bounds, len(starts)))
     yield from zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
 
 
-def _fit(cells: _Cells, spacing: int) -> Nodes:
+def _fit(cells: _Cells) -> Nodes:
     cells = cells.select(_near_median(cells))
     for i in range(ROUNDS):
         if not len(cells.ids):
@@ -124,13 +123,13 @@ def _fit(cells: _Cells, spacing: int) -> Nodes:
         fit = _quadratics(cells)
         length = np.linalg.norm(fit.residual, axis=1)
         if i + 1 < ROUNDS:
-            cells = cells.select(length <= OUTLIER * np.repeat(fit.noise, cells.counts()))
+            cells = cells.select(length <= OUTLIER_STDS * np.repeat(fit.noise, cells.counts()))
     place, slope = _newton(fit.coefficients)
     leverage = _leverage(fit.gram, _monomials(place))
     inverse = np.linalg.inv(slope) * fit.scale[:, None, None]
     std = fit.noise * np.sqrt(leverage * (inverse**2).sum(axis=(1, 2)) / 2.0)
     whole = np.abs(np.linalg.det(inverse))  # px² that a cell takes in the image
-    good = (np.linalg.norm(place, axis=1) < 1.0) & (cells.counts() > COVERED * whole) & np.isfinite(std) & (std > 0)
+    good = (np.linalg.norm(place, axis=1) < 1.0) & (cells.counts() > COVERED_SHARE * whole) & np.isfinite(std) & (std > 0)
     uv = fit.centre + place * fit.scale[:, None]
     return Nodes(cells.ids, uv, std).select(good)
 
@@ -141,7 +140,7 @@ def _near_median(cells: _Cells) -> Bools:
     counts = cells.counts()
     for axis in (0, 1):
         distance = np.abs(cells.uv[:, axis] - np.repeat(_medians(cells, cells.uv[:, axis]), counts))
-        keep &= distance <= np.repeat(AROUND_MEDIAN * _medians(cells, distance) + 1.0, counts)
+        keep &= distance <= np.repeat(MOST_MEDIAN_DEVIATIONS * _medians(cells, distance) + 1.0, counts)
     return keep
 
 

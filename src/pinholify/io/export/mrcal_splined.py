@@ -22,7 +22,7 @@ from pinholify.io.files import writing_text
 from pinholify.io.importing.base import Projection
 from pinholify.io.importing.mrcal import knots
 from pinholify.io.importing.projections import splined_stereographic, stereographic_plane
-from pinholify.rectification.trust import believable
+from pinholify.rectification.valid_region import believable
 from pinholify.splines import SplineSurface, fitted, rounded_up, worst_places
 
 ORDER = 3

@@ -15,22 +15,22 @@ from pinholify.detection.gray_code.patterns import PARTS_OF_WAVE, Pattern, Seque
 from pinholify.detection.intensity import Grey
 from pinholify.errors import ImageError
 
-UNLIT = 0.03
+LEAST_SCREEN_CONTRAST = 0.03
 """White over black, of the sensor's range, below which no screen is seen."""
 
-LIT = 0.1
+LIT_SHARE = 0.1
 """White over black, of the brightest part's, from which on a pixel is taken to see the screen."""
 
-RESOLVED = 0.15
+RESOLVED_CONTRAST = 0.15
 """Contrast of stripes, of white over black, below which a pixel does not see them."""
 
-COARSEST = 4
+COARSEST_PX = 4
 """Screen px: what a pixel must be known to; finer where the camera sees finer stripes."""
 
-MOVED = 0.3
+MOST_SHIFT_PX = 0.3
 """Camera px between the first and the last picture above which something moved."""
 
-SMOOTHED = 2.0
+SHIFT_BLUR_PX = 2.0
 """Camera px: the blur before a shift is looked for."""
 
 
@@ -58,10 +58,10 @@ def decode(captures: Iterable[Grey], sequence: Sequence, name: str) -> ScreenMap
     frames = iter(captures)
     first, white, black = next(frames), next(frames), next(frames)
     contrast = white - black
-    lit = Lit(name, sequence, black, contrast, LIT * _brightest(contrast, name))
+    lit = Lit(name, sequence, black, contrast, LIT_SHARE * _brightest(contrast, name))
     axes = [_along(frames, axis, lit) for axis in (0, 1)]
     shift = shift_between(first, next(frames), lit.where)
-    if not shift < MOVED:
+    if not shift < MOST_SHIFT_PX:
         raise ImageError(
             f"the camera or the screen moved by {shift:.1f} px or more while '{name}' was captured: fix both and "
             "capture all its patterns again"
@@ -72,7 +72,7 @@ def decode(captures: Iterable[Grey], sequence: Sequence, name: str) -> ScreenMap
 
 def _brightest(contrast: Grey, name: str) -> float:
     brightest = float(np.quantile(contrast[::2, ::2], 0.999))
-    if brightest < UNLIT:
+    if brightest < LEAST_SCREEN_CONTRAST:
         raise ImageError(
             f"no lit screen is seen in '{name}': its white picture is hardly brighter than its black one (by "
             f"{max(0.0, 255 * brightest):.0f} grey levels of 255); check the order of the captures, the exposure and "
@@ -86,7 +86,7 @@ def _along(frames: Iterator[Grey], axis: int, lit: Lit) -> Grey:
     place, interval = _gray_place(frames, axis, lit)
     if lit.sequence.steps:
         place, interval = _wave_place(frames, axis, lit, place, interval)
-    known = (interval <= COARSEST) & (place > -0.5) & (place < lit.sequence.size[axis] - 0.5)
+    known = (interval <= COARSEST_PX) & (place > -0.5) & (place < lit.sequence.size[axis] - 0.5)
     return np.where(known, place, np.float32(np.nan))
 
 
@@ -104,7 +104,7 @@ def _gray_place(frames: Iterator[Grey], axis: int, lit: Lit) -> tuple[Grey, Grey
         check_inverse(picture, inverse, lit, pattern)
         difference = picture - inverse
         number = number << 1 | (number & 1) ^ (difference > 0)
-        clear = np.abs(difference) >= RESOLVED * lit.contrast
+        clear = np.abs(difference) >= RESOLVED_CONTRAST * lit.contrast
         check_borders(number, clear, lit, pattern)
         blurred = np.where(clear, 0, blurred + 1)
     shift = blurred + lit.sequence.finest
@@ -131,7 +131,7 @@ def _wave_place(frames: Iterator[Grey], axis: int, lit: Lit, place: Grey, interv
     fraction = np.arctan2(sine, cosine) * (period / np.float32(2.0 * np.pi))
     exact = fraction + period * np.rint((place - fraction) / period)
     amplitude = np.hypot(sine, cosine) * np.float32(2.0 / steps)
-    sure = (amplitude > RESOLVED / 2.0 * lit.contrast) & (interval <= period / 2.0)
+    sure = (amplitude > RESOLVED_CONTRAST / 2.0 * lit.contrast) & (interval <= period / 2.0)
     return exact, np.where(sure, np.float32(0.0), np.float32(np.inf))
 
 
@@ -140,7 +140,7 @@ def shift_between(first: Grey, last: Grey, where: Bools) -> float:
 
     By the images' gradients (Lucas & Kanade 1981), which tell small shifts exactly and large ones as some pixels.
     """
-    smooth = [gaussian_filter(frame, SMOOTHED) for frame in (first, last)]
+    smooth = [gaussian_filter(frame, SHIFT_BLUR_PX) for frame in (first, last)]
     v_slope, u_slope = np.gradient((smooth[0] + smooth[1]) / 2.0)
     change = smooth[0] - smooth[1]
     rows, columns = np.flatnonzero(where.any(axis=1)), np.flatnonzero(where.any(axis=0))
