@@ -74,7 +74,7 @@ def detect_charuco(image: NDArray[Any], board: Charuco, *, name: str, mirrored: 
 
 
 def _other_dictionary(grey: Grey, board: Charuco) -> str:
-    """The dictionary, other than that of ``board``, of the markers in the flipped ``grey``; empty where none are read."""
+    """The dictionary, other than that of ``board``, of the markers in the flipped ``grey``; empty if none are read."""
     picture = stretched(np.ascontiguousarray(grey[:, ::-1]))
     own = board.dictionary.rsplit("_", 1)[0]
     most = max(read_markers(picture, [name for name in USUAL_DICTIONARIES if not name.startswith(own)]), key=len)

@@ -102,7 +102,8 @@ def _part(grey: Grey, fitting: list[Lattice], board: Board, name: str) -> Corner
     if ambiguous and 2 * len(lattice) < board.columns * board.rows:
         return not_found(
             name,
-            f"only {len(lattice)} of {board.columns * board.rows} corners are visible, and which ones cannot be determined",
+            f"only {len(lattice)} of {board.columns * board.rows} corners are visible, and which ones cannot be "
+            "determined",
         )
     chosen, _ = orient([places[0] for places in placed], board)
     return _corners(chosen, board, name, assumed=ambiguous or not board.orientable, ambiguous=ambiguous)
@@ -175,7 +176,7 @@ def _pairs_of_line(lattice: Lattice, axis: int, *, last: bool) -> Ints:
 
 
 def _across(grey: Grey, lattice: Lattice, middle: Floats, outward: Ints) -> tuple[Floats, Bools]:
-    """Grey (m, steps) at STEPS ``outward`` from the ``middle`` (m, 2) of sides of squares; whether all are in the image."""
+    """Grey (m, steps) at STEPS ``outward`` from the ``middle`` (m, 2) of squares' sides, and which (m,) are visible."""
     steps = middle[:, None] + STEPS[:, None] * outward
     places = predict(lattice.index, lattice.uv, steps.reshape(-1, 2)).uv
     size = np.array([grey.shape[1], grey.shape[0]]) - 1

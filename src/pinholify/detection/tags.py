@@ -125,7 +125,7 @@ def larger_grid(tags: Tags, board: AprilGrid) -> str:
 
 
 def other_family(grey: Grey, board: AprilGrid) -> str:
-    """The AprilGrid of another family than that of ``board`` that ``grey`` shows, in words; empty where there is none."""
+    """The AprilGrid of another family than that of ``board`` that ``grey`` shows, in words; empty if there is none."""
     others = [family for family in FAMILIES if family != board.family]
     picture = stretched(grey)
     for border in BORDERS:

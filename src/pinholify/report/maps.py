@@ -12,7 +12,7 @@ from pinholify.camera import VirtualCamera
 from pinholify.evaluation.measures import rms
 from pinholify.evaluation.verdict import Residuals, Verdict
 from pinholify.geometry import convex_hull
-from pinholify.rectification.valid_region import believable_share
+from pinholify.rectification.valid_region import valid_share
 from pinholify.report.contours import Polygons, grid_pixels, region_inside, regions_above
 
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # px
@@ -48,7 +48,7 @@ def coverage_of(calibration: Calibration, verdict: Verdict, seen: Residuals, std
         region_inside(camera.domain.hull, log_std, limit, camera.image_size),
         tuple(convex_hull(view.uv[seen.inliers[view.name]]).vertices for view in views),
         None if verdict.next_board is None else verdict.next_board.outline,
-        believable_share(camera),
+        valid_share(camera),
         camera.domain.max_std,
     )
 

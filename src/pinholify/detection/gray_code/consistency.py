@@ -1,8 +1,8 @@
 """Whether the captures can be those of the patterns in their order: none exchanged, doubled or lost.
 
-Three things hold for whatever the camera and however the screen is seen: a picture and its inverse add up to white;
-neighbouring stripes of a Gray code differ by one; and each step of a wave is shifted by its share of the period
-against the stripes.
+Three properties hold for every camera and every pose of the screen: a picture and its inverse add up to white;
+neighbouring stripes of a Gray code differ by one; and each step of a wave is shifted against the stripes by its share
+of the period.
 """
 
 from __future__ import annotations
@@ -19,43 +19,47 @@ from pinholify.detection.intensity import Grey
 from pinholify.errors import ImageError
 
 LEVEL_TOLERANCE = 0.15
-"""Of white over black: what a picture and its inverse may both be away from black, or from white, to contradict."""
+"""A picture and its inverse contradict each other where both are this close to black, or to white (1 apart)."""
 
 SUSPICIOUS_SHARE = 0.2
-"""Share of the pixels, or of the stripes' borders, that must contradict: noise and hands spoil fewer."""
+"""Share of the pixels, or of the stripes' borders, that must be contradictory: noise and hands spoil fewer."""
 
 SATURATED_LEVEL = 0.98
-"""Of the sensor's range: in a white picture as bright as that, grey may be white as well."""
+"""Share of the sensor's range at which a white picture may be overexposed, so that grey looks white as well."""
 
 EDGE_CONTRAST = 0.5
-"""Of the contrast: where it falls below that within three pixels, the screen or its reflection ends."""
+"""Where the contrast falls below this share within three pixels, the screen or its reflection ends."""
 
 LIT_FACTOR = 2.0
-"""Of the contrast from which on a pixel is lit: what none shows that the white and the black picture call unlit."""
+"""Times the contrast of a lit pixel that a pixel must show to be lit although the white and black pictures deny it."""
 
 AMPLITUDE_RATIO = 0.75
-"""Amplitude of a wave's step, of the typical one's, or the inverse of that."""
+"""Smallest ratio of the amplitude of a wave's step to the median one, or of the median one to it."""
 
 FEWEST_BORDERS = 30
+"""Borders of stripes needed to check their order."""
+
 FEWEST_PIXELS = 500
+"""Pixels needed to check a wave."""
+
 LEAST_KNOWN_SHARE = 0.5
-"""Of the pixels that see the screen: where fewer see the stripes, those that do are at edges and of no use."""
+"""If fewer of the pixels that see the screen see the stripes, those that do are at edges and of no use."""
 
 FEWEST_PERIODS = 2
-"""Of the waves, in view: of less, a wave's fit depends on where the stripes are cut off."""
+"""Periods of the wave that must be visible: with fewer, its fit depends on where the stripes are cut off."""
 
 SAMPLED_LINES = 400
-"""Rows and columns of pixels that are looked at."""
+"""Rows and columns of pixels that are examined."""
 
 LEAST_ANGLE_RAD = np.pi / 16.0
-"""Of a wave's period: below it a shift is not told from what the stripes' width leaves open."""
+"""Phase below which a shift cannot be distinguished from the width of the stripes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lit:
-    """The screen in the captures called ``name``: its ``black`` picture and what white has more, ``contrast``.
+    """The screen in the captures called ``name``: the ``black`` picture, and ``contrast``, white minus black.
 
-    Both are (height, width), 0 … 1. It is seen where ``contrast`` is above ``least``.
+    Both are (height, width), 0 … 1. The screen is visible where ``contrast`` is above ``least``.
     """
 
     name: str
@@ -70,7 +74,7 @@ class Lit:
         return np.asarray(self.contrast > self.least)
 
     def strides(self) -> tuple[int, int]:
-        """Of the rows and of the columns that are looked at."""
+        """Strides of the rows and of the columns that are examined."""
         height, width = self.contrast.shape
         return max(1, height // SAMPLED_LINES), max(1, width // SAMPLED_LINES)
 
@@ -80,30 +84,31 @@ class Lit:
         return np.asarray(image[::rows, ::columns][self.contrast[::rows, ::columns] > self.least])
 
     def levels(self, frame: Grey) -> Grey:
-        """The same of a capture: 0 as in the black picture, 1 as in the white one."""
+        """:meth:`sample` of a capture, scaled: 0 as in the black picture, 1 as in the white one."""
         return np.asarray((self.sample(frame) - self.sample(self.black)) / self.sample(self.contrast))
 
 
 def check_inverse(picture: Grey, inverse: Grey, lit: Lit, pattern: Pattern) -> None:
-    """Raise ImageError where ``picture`` and ``inverse`` are both white, or both black, in too many pixels.
+    """Raise ImageError if ``picture`` and ``inverse`` are both white, or both black, in too many pixels.
 
-    Also where they show a screen that the white and the black picture do not.
+    Also if they show a screen that the white and the black picture do not.
     """
     beyond = ~lit.where & (np.abs(picture - inverse) > LIT_FACTOR * lit.least)
     if np.count_nonzero(beyond) > SUSPICIOUS_SHARE * np.count_nonzero(lit.where):
         raise _disordered(lit, [Pattern("white"), Pattern("black")], "do not show all of the screen, or all of it lit")
     levels = lit.levels(picture), lit.levels(inverse)
     white = lit.sample(lit.black) + lit.sample(lit.contrast)
-    contradict = (np.minimum(*levels) > 1.0 - LEVEL_TOLERANCE) & (white < SATURATED_LEVEL) | (np.maximum(*levels) < LEVEL_TOLERANCE)
-    if contradict.sum() > SUSPICIOUS_SHARE * len(contradict):
-        raise _disordered(lit, _pair(pattern), "are no picture and its inverse")
+    both_white = (np.minimum(*levels) > 1.0 - LEVEL_TOLERANCE) & (white < SATURATED_LEVEL)
+    both_black = np.maximum(*levels) < LEVEL_TOLERANCE
+    if (both_white | both_black).sum() > SUSPICIOUS_SHARE * len(white):
+        raise _disordered(lit, _pair(pattern), "are not a picture and its inverse")
 
 
 def check_borders(number: Ints, clear: Bools, lit: Lit, pattern: Pattern) -> None:
-    """Raise ImageError where stripes beside each other differ by more than one in ``number`` (height, width).
+    """Raise ImageError if neighbouring stripes differ by more than one in ``number`` (height, width).
 
-    ``number`` is what the stripes down to those of ``pattern`` tell, looked at where these are ``clear``. At a border
-    of coarser stripes the number changes by one only if all pictures are in order.
+    ``number`` is decoded from the stripes down to those of ``pattern``, and examined where these are ``clear``. At a
+    border of coarser stripes it changes by one only if all pictures are in order.
     """
     rows, columns = lit.strides()
     contrast = np.where(clear & lit.where, lit.contrast, np.float32(0.0))
@@ -114,9 +119,9 @@ def check_borders(number: Ints, clear: Bools, lit: Lit, pattern: Pattern) -> Non
 
 
 def _steps(number: Ints, contrast: Grey) -> Ints:
-    """How far ``number`` jumps along rows, at borders of coarser stripes with two like pixels on either side.
+    """Steps of ``number`` along rows, at borders of coarser stripes with two equal pixels on either side.
 
-    Pixels without ``contrast`` do not count.
+    Pixels without ``contrast`` are ignored.
     """
     end = number.shape[1] - 3
     before, left, right, after = (number[:, i : end + i] for i in range(4))
@@ -127,10 +132,10 @@ def _steps(number: Ints, contrast: Grey) -> Ints:
 
 
 def check_waves(waves: list[Grey], place: Grey, known: Bools, lit: Lit, axis: int) -> None:
-    """Raise ImageError where a step of the ``waves`` along ``axis`` is not shifted as it should be.
+    """Raise ImageError if a step of the ``waves`` along ``axis`` is not shifted as it should be.
 
-    ``waves`` are their levels as :meth:`Lit.levels` gives them, ``place`` (height, width) is what the stripes tell, in
-    screen px, where it is ``known``.
+    ``waves`` are the steps' :meth:`Lit.levels`; ``place`` (height, width) is decoded from the stripes, in screen px,
+    and valid where ``known``.
     """
     where = lit.sample(known)
     levels, places = np.stack(waves)[:, where].astype(np.float64), lit.sample(place)[where]
@@ -145,9 +150,10 @@ def check_waves(waves: list[Grey], place: Grey, known: Bools, lit: Lit, axis: in
 
 
 def _misplaced(levels: Floats, phase: Floats) -> list[int]:
-    """The steps of a wave whose ``levels`` (steps, n) do not follow ``phase`` (n,) as their place in order says.
+    """The steps of a wave whose ``levels`` (steps, n) do not follow ``phase`` (n,) with the shift of their number.
 
-    Each is fitted by a wave of that phase; where pixels see waves that the fits lack, the steps are not the stripes'.
+    A wave of that phase is fitted to each step; if the pixels see a wave that the fits do not, the steps do not belong
+    to the stripes.
     """
     turns = np.exp(2j * np.pi * np.arange(len(levels)) / len(levels))
     seen = 2.0 / len(levels) * float(np.median(np.abs(turns @ levels)))
