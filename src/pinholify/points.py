@@ -249,7 +249,7 @@ def _matrix(P: ArrayLike | None) -> Floats:
     if matrix.shape not in ((3, 3), (3, 4)):
         raise InputError(f"P of shape {matrix.shape} was given where (3, 3) or (3, 4) is needed; give a camera matrix")
     if not np.linalg.det(matrix[:, :3]):
-        raise InputError("P is singular; give a camera matrix, with focal lengths other than 0")
+        raise InputError("P has no inverse; give a camera matrix, with focal lengths other than 0")
     return matrix[:, :3]
 
 

@@ -189,7 +189,7 @@ def test_descriptions_and_places():
     ("text", "words"),
     [
         ("aprilgrid:6x6", "write tags"),
-        ("aprilgrid:6x6:t36h11:0.3", "no family"),
+        ("aprilgrid:6x6:t36h11:0.3", "unknown family"),
         ("aprilgrid:6x6:tag25h9:0.3", "needs 36 tags"),
         ("aprilgrid:1x6:tag36h11:0.3", "at least 2x2"),
         ("aprilgrid:6x6:tag36h11:1.3", "above 0 and at most 1"),

@@ -88,7 +88,7 @@ def look_again_in_files(
     """
     if corners.image_size != camera.image_size:
         raise ImageError(
-            f"the images are {_pixels(corners.image_size)}, but the camera was calibrated at "
+            f"the images are {_pixels(corners.image_size)} px, but the camera was calibrated at "
             f"{_pixels(camera.image_size)}: give photographs of that camera, or no camera"
         )
     views = []
