@@ -7,7 +7,7 @@ Surfaces are linear in their control points, so a fit is one sparse solve.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -116,7 +116,7 @@ def fitted(empty: SplineSurface, p: Floats, values: Floats) -> SplineSurface:
     )
     light = SMOOTHING * normal.diagonal().mean()
     control = spsolve((normal + light * bending).tocsc(), design.T @ values)
-    return SplineSurface(empty.origin, empty.spacing, control.reshape(rows, columns, -1), empty.degree)
+    return replace(empty, control=control.reshape(rows, columns, -1))
 
 
 def _bending(count: int) -> sparse.csr_array:

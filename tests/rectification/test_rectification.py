@@ -148,7 +148,7 @@ def test_an_image_of_another_size_is_refused(barrel_calibration):
 
 @pytest.mark.parametrize("options", [{"view_name": "moon"}, {"method": "magic"}])
 def test_unknown_views_and_methods_are_refused(barrel_calibration, options):
-    with pytest.raises(InputError, match="unknown .*: choose one of"):
+    with pytest.raises(InputError, match=r"unknown .*: choose one of"):
         Straightener(barrel_calibration.camera, **options)
 
 

@@ -18,7 +18,7 @@ from pinholify.detection.prediction import Prediction, predict
 from pinholify.detection.saddle import refine_saddles, saddle_strength, sample
 
 FEWEST_CORNERS = 9
-"""Corners below which a lattice is no evidence of a board."""
+"""Corners below which a lattice is not evidence of a board."""
 
 MOST_SEEDS = 40
 """Seeds grown in one image."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -40,7 +40,7 @@ class Windows:
 
     def scaled(self, factor: float) -> Windows:
         """The same windows, ``factor`` times as wide."""
-        return Windows(self.uv, self.axes * factor, self.bend * factor**2)
+        return replace(self, axes=self.axes * factor, bend=self.bend * factor**2)
 
     def select(self, keep: Ints) -> Windows:
         """The windows at the positions ``keep`` (m,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -233,7 +233,7 @@ def _without_black(camera: VirtualCamera, view: View, max_std: float | None) -> 
     middle = np.array([found.left + found.right, found.top + found.bottom]) / 2.0
     matrix = np.diag([scale, scale, 1.0]) @ probe.matrix
     matrix[:2, 2] += (np.array([width, height]) - 1) / 2.0 - scale * middle
-    return View(matrix, view.rotation, view.size, view.surface)
+    return replace(view, matrix=matrix)
 
 
 def shows_nothing(camera: VirtualCamera, view: View, max_std: float | None) -> bool:
@@ -252,4 +252,4 @@ def _resized(view: View, scale: float) -> View:
     """The same view at another resolution; the outer corner of its image stays in place."""
     resize = np.array([[scale, 0, (scale - 1) / 2.0], [0, scale, (scale - 1) / 2.0], [0, 0, 1]])
     width, height = (max(2, round(n * scale)) for n in view.size)
-    return View(resize @ view.matrix, view.rotation, (width, height), view.surface)
+    return replace(view, matrix=resize @ view.matrix, size=(width, height))
