@@ -262,7 +262,7 @@ def _rises(grey: Grey, lattice: Lattice, beside: float) -> tuple[Ints, Ints, Flo
 def _edge_rises(
     grey: Grey, lattice: Lattice, after: Ints, area: Floats, beside: float, side: int
 ) -> tuple[Ints, Ints, Floats]:
-    """The rise (m,) of grey from dark to bright across edges, after the positions (m,) of their ends in ``lattice``.
+    """Positions (m,) in ``lattice`` of both ends of edges, and the rise (m,) of grey from dark to bright across them.
 
     The edges run from corners to those ``after`` them. The rise is measured across the middle of the straight line
     between them, ``beside`` times the width of the squares to each side. ``side`` is +1 along rows, -1 along columns.
@@ -298,8 +298,8 @@ def _regular_crosses(candidates: Candidates, links: Ints) -> Ints:
 def _in_turn(candidates: Candidates, links: Ints, seeds: Ints) -> Ints:
     """``seeds`` reordered: the first of each group of linked candidates, then the second of each, and so on.
 
-    The group that covers most of the image comes first. A pattern behind a board, with far more seeds, so takes little
-    more time than the board.
+    The group that covers most of the image comes first. A pattern behind a board, which has far more seeds, therefore
+    takes little more time than the board.
     """
     group = _groups(candidates, links)[seeds]
     by_group = np.argsort(group, kind="stable")

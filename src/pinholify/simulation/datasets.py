@@ -43,7 +43,7 @@ class CameraTruth:
     """What a calibration should find: the rays of a grid of ``pixels``, and the virtual camera.
 
     ``pixels`` (N, 2); ``origins`` (N, 3) in squares and unit ``directions`` (N, 3) in the true camera frame, NaN where
-    a pixel sees nothing. ``size`` is (width, height) px; ``central`` is whether there is a single centre; ``mirrored`` is
+    a pixel sees nothing. ``size`` is (width, height) px; ``central`` is whether there is a single centre, ``mirrored``
     whether images are reversed. ``virtual_camera`` is (f, uc, vc) in squares for the first view's board, None for a
     system without a single centre.
     """

@@ -13,10 +13,10 @@ from pinholify.arrays import Floats, Ints
 from pinholify.simulation.lenses import Lens, Rays
 from pinholify.simulation.scene import Scene
 
-CHUNK = 100_000
+CHUNK_RAYS = 100_000
 """Rays traced at a time: enough to keep NumPy busy, few enough to stay in the cache."""
 
-EDGE = 0.01
+EDGE_CONTRAST = 0.01
 """Contrast (white = 1) to a neighbour above which more than one ray is traced per pixel."""
 
 
@@ -100,8 +100,8 @@ def golden_lattice(count: int) -> Floats:
 def _edges(image: NDArray[np.float32]) -> Ints:
     """Numbers (n,) of the pixels of ``image`` (h, w, channels) that differ from one of their neighbours."""
     contrast = maximum_filter(image, (3, 3, 1)) - minimum_filter(image, (3, 3, 1))
-    return np.flatnonzero((contrast > EDGE).any(axis=2))
+    return np.flatnonzero((contrast > EDGE_CONTRAST).any(axis=2))
 
 
 def _chunks(pixels: Ints) -> Iterator[Ints]:
-    return (pixels[i : i + CHUNK] for i in range(0, len(pixels), CHUNK))
+    return (pixels[i : i + CHUNK_RAYS] for i in range(0, len(pixels), CHUNK_RAYS))

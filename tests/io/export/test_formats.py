@@ -360,7 +360,7 @@ def test_losses_are_told(tilted_camera, export, tmp_path):
 
 
 def test_a_view_too_narrow_for_all_says_so(export):
-    """Where the believable part reaches beyond 65° from the view's axis, or is cut by it."""
+    """Where the valid part reaches beyond 65° from the view's axis, or is cut by it."""
     view = export.view
     left_half = type(view)(view.matrix, view.rotation, (SIZE[0] // 2, SIZE[1]))
     cut = type(export.rectification)(left_half, export.rectification.uv[:, : SIZE[0] // 2], export.rectification.valid)

@@ -19,7 +19,7 @@ from pinholify.detection.intensity import Grey
 from pinholify.errors import ImageError
 
 LEVEL_TOLERANCE = 0.15
-"""A picture and its inverse contradict each other where both are this close to black, or to white (1 apart)."""
+"""A picture and its inverse contradict each other where both are this close to black (0), or to white (1)."""
 
 SUSPICIOUS_SHARE = 0.2
 """Share of the pixels, or of the stripes' borders, that must be contradictory: noise and hands spoil fewer."""
@@ -31,7 +31,8 @@ EDGE_CONTRAST = 0.5
 """Where the contrast falls below this share within three pixels, the screen or its reflection ends."""
 
 LIT_FACTOR = 2.0
-"""Times the contrast of a lit pixel that a pixel must show to be lit although the white and black pictures deny it."""
+"""Contrast, in multiples of a lit pixel's least, that proves a pixel lit which the white and black pictures call unlit.
+"""
 
 AMPLITUDE_RATIO = 0.75
 """Smallest ratio of the amplitude of a wave's step to the median one, or of the median one to it."""

@@ -136,7 +136,7 @@ def _wave_place(frames: Iterator[Grey], axis: int, lit: Lit, place: Grey, interv
 
 
 def shift_between(first: Grey, last: Grey, where: Bools) -> float:
-    """How far (px) the content of ``first`` at ``where`` (height, width) has moved in ``last``, at most, by quarters.
+    """Shift (px) from ``first`` to ``last`` of the content at ``where`` (height, width): the largest of four quarters.
 
     By the images' gradients (Lucas & Kanade 1981): exact for small shifts, and some pixels for large ones.
     """
