@@ -223,8 +223,9 @@ def shown(size, family="tag36h11"):
     ],
 )
 def test_a_grid_of_another_size_is_refused_with_its_size(size, asked, words):
-    reason = detect_board(shown(size), parse_board(f"aprilgrid:{asked}:tag36h11:0.3")).reason
-    assert words in reason
+    found = detect_board(shown(size), parse_board(f"aprilgrid:{asked}:tag36h11:0.3"))
+    assert words in found.reason
+    assert found.larger_board == ("larger" in words)
 
 
 def test_another_family_is_named():

@@ -119,7 +119,9 @@ def test_a_part_whose_place_the_sheet_shows_has_its_ids(slanted):
 def test_another_grid_is_refused_with_the_reason(slanted):
     board, image, _ = slanted
     smaller = CircleGrid(board.columns, board.rows - 2, board.asymmetric, board.diameter)
-    assert "larger" in detect_board(image, smaller).reason
+    found = detect_board(image, smaller)
+    assert found.larger_board
+    assert "larger" in found.reason
     larger = CircleGrid(board.columns + 1, board.rows, board.asymmetric, board.diameter)
     assert "cannot be determined" in detect_board(image, larger).reason
     thinner = CircleGrid(board.columns, board.rows, board.asymmetric, 0.7 * board.diameter)

@@ -83,8 +83,12 @@ def test_two_boards_in_one_picture(board_image):
 
 def test_another_size_is_named(board_image):
     image, _ = board_image(8, 6)
-    assert detect_board(image, Checkerboard(9, 6)).reason == "the board has 8x6 inner corners, not 9x6"
-    assert "larger than 7x5" in detect_board(image, Checkerboard(7, 5)).reason
+    smaller = detect_board(image, Checkerboard(9, 6))
+    assert smaller.reason == "the board has 8x6 inner corners, not 9x6"
+    assert not smaller.larger_board
+    larger = detect_board(image, Checkerboard(7, 5))
+    assert "larger than 7x5" in larger.reason
+    assert larger.larger_board
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(8, 6), (7, 4), (5, 5), (3, 3)])
