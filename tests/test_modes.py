@@ -130,11 +130,11 @@ def test_a_mode_is_kept_in_a_camera_file(barrel_calibration, tmp_path):
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda c: cropped(c, 1000, 0, (921, 600)), "921x600 from column 1000 and row 0 is no part of .* 1920x1200"),
+        (lambda c: cropped(c, 1000, 0, (921, 600)), "921x600 from column 1000 and row 0 is not inside .* 1920x1200"),
         (lambda c: cropped(c, -1, 0, (100, 100)), "column -1"),
         (lambda c: cropped(c, 0, 1150, (100, 51)), "row 1150"),
         (lambda c: cropped(c, 0, 0, (0, 10)), "0x10"),
-        (lambda c: scaled(c, (1920, 1080)), "1920x1080 have not the proportions of the camera's 1920x1200"),
+        (lambda c: scaled(c, (1920, 1080)), "1920x1080 do not have the proportions of the camera's 1920x1200"),
         (lambda c: scaled(c, (640, 398)), "640x398"),
         (lambda c: scaled(c, (0, 0)), "0x0"),
         (lambda c: binned(c, 0), "0x0 binning"),

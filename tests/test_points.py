@@ -299,7 +299,7 @@ def test_many_points_of_a_wide_lens_there_and_back():
 WRONG = {
     "a ragged list": (lambda camera: undistort_points([[1, 2], [3]], camera), "not all numbers"),
     "no camera": (lambda camera: undistort_points(SOME, np.eye(3)), "a ndarray was given where a VirtualCamera"),
-    "a calibration": (lambda camera: distort_points(SOME, object()), "give the .camera of what"),
+    "a calibration": (lambda camera: distort_points(SOME, object()), "give the .camera of the result"),
     "a rotation vector": (lambda camera: undistort_points(SOME, camera, np.zeros(3)), r"R of shape \(3,\)"),
     "a small matrix": (lambda camera: undistort_points(SOME, camera, None, np.eye(2)), r"P of shape \(2, 2\)"),
     "a singular matrix": (lambda camera: distort_points(SOME, camera, None, np.zeros((3, 3))), "P .* no inverse"),

@@ -1,8 +1,8 @@
 """Calibration boards: what is printed on them, and where their points lie.
 
-Lattice coordinates are in squares (the sides of an AprilGrid's tags, the spacings of a circle grid or of a screen's
-nodes): x to the right along a row, y down, row-major ids with x fastest (id = row · columns + column). A new kind of
-board is one class here or beside, and one line in ``BOARD_KINDS``.
+Lattice coordinates are in squares (for an AprilGrid in sides of a tag, for a circle grid or the nodes of a screen in
+spacings): x to the right along a row, y down, row-major ids with x fastest (id = row · columns + column). A new kind
+of board is a class and one line in ``BOARD_KINDS``.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class Board(Protocol):
 
     @property
     def counted(self) -> str:
-        """What the numbers of :attr:`spec` count."""
+        """What the numbers of :attr:`spec` count, for messages."""
         ...
 
     @property
     def orientable(self) -> bool:
-        """Whether a picture tells the board from the same board turned by 180°."""
+        """Whether an image of the board differs from one of the board rotated by 180°."""
         ...
 
     def places(self, column: Ints, row: Ints) -> Floats:
@@ -62,11 +62,13 @@ class Checkerboard:
     def __post_init__(self) -> None:
         if self.columns < 3 or self.rows < 3:
             raise BoardError(
-                f"a board of {self.columns}x{self.rows} inner corners was asked for; at least 3x3 are needed: "
+                f"a board of {self.columns}x{self.rows} inner corners was requested; at least 3x3 are needed: "
                 "count the corners where four squares meet, columns x rows"
             )
         if self.columns > 1000 or self.rows > 1000:
-            raise BoardError(f"a board of {self.columns}x{self.rows} inner corners was asked for; at most 1000x1000")
+            raise BoardError(
+                f"a board of {self.columns}x{self.rows} inner corners was requested; give at most 1000x1000"
+            )
 
     @property
     def spec(self) -> str:
@@ -80,7 +82,7 @@ class Checkerboard:
 
     @property
     def orientable(self) -> bool:
-        """True where colour fixes the orientation: columns + rows is odd."""
+        """True where colour fixes the orientation, i.e. columns + rows is odd."""
         return (self.columns + self.rows) % 2 == 1
 
     def places(self, column: Ints, row: Ints) -> Floats:
@@ -97,10 +99,10 @@ MARKERS: dict[str, int] = {
     "DICT_APRILTAG_36h10": 2320,
     "DICT_APRILTAG_36h11": 587,
 }
-"""OpenCV's dictionaries of square markers, and how many markers each has."""
+"""OpenCV's dictionaries of square markers, with the number of markers in each."""
 
 LARGEST_MARKER = 0.98
-"""Of a square, the side of a marker that can still be told from the black squares around it."""
+"""Side of a marker ÷ side of its square above which it cannot be separated from the black squares around it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,17 +122,17 @@ class Charuco:
     def __post_init__(self) -> None:
         Checkerboard(self.columns, self.rows)
         if self.dictionary not in MARKERS:
-            raise BoardError(f"'{self.dictionary}' is no dictionary of markers; these are: {', '.join(MARKERS)}")
+            raise BoardError(f"unknown dictionary of markers '{self.dictionary}': choose one of {', '.join(MARKERS)}")
         needed = (self.columns + 1) * (self.rows + 1) // 2
         if needed > MARKERS[self.dictionary]:
             raise BoardError(
                 f"the board needs {needed} markers, but {self.dictionary} has only {MARKERS[self.dictionary]}; "
-                "name a larger dictionary or a smaller board"
+                "choose a larger dictionary or a smaller board"
             )
         if not 0.0 < self.marker <= LARGEST_MARKER:
             raise BoardError(
-                f"a marker of {self.marker:g} of a square was asked for; it must be above 0 and at most "
-                f"{LARGEST_MARKER:g}, so that white is left around it (0.5 to 0.8 is read best)"
+                f"a marker of {self.marker:g} of a square was requested; it must be above 0 and at most "
+                f"{LARGEST_MARKER:g}, so that white is left around it (0.5 to 0.8 works best)"
             )
 
     @property
@@ -145,7 +147,7 @@ class Charuco:
 
     @property
     def orientable(self) -> bool:
-        """Always: each marker is known by itself."""
+        """Always True: each marker is unique."""
         return True
 
     def places(self, column: Ints, row: Ints) -> Floats:
@@ -159,7 +161,7 @@ FAMILIES: dict[str, str] = {
     "tag36h10": "DICT_APRILTAG_36h10",
     "tag36h11": "DICT_APRILTAG_36h11",
 }
-"""AprilTag's names of its families, and OpenCV's of the same markers."""
+"""AprilTag's names of its families, with OpenCV's names of the same dictionaries."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,17 +181,17 @@ class AprilGrid:
 
     def __post_init__(self) -> None:
         if min(self.across, self.down) < 2:
-            raise BoardError(f"an AprilGrid of {self.across}x{self.down} tags was asked for; at least 2x2 are needed")
+            raise BoardError(f"an AprilGrid of {self.across}x{self.down} tags was requested; at least 2x2 are needed")
         if self.family not in FAMILIES:
-            raise BoardError(f"'{self.family}' is no family of AprilTags; these are: {', '.join(FAMILIES)}")
+            raise BoardError(f"unknown family of AprilTags '{self.family}': choose one of {', '.join(FAMILIES)}")
         needed, known = self.across * self.down, MARKERS[FAMILIES[self.family]]
         if needed > known:
             raise BoardError(
-                f"the board needs {needed} tags, but {self.family} has only {known}; name a larger family or a "
+                f"the board needs {needed} tags, but {self.family} has only {known}; choose a larger family or a "
                 "smaller board"
             )
         if not 0.0 < self.gap <= 1.0:
-            raise BoardError(f"a gap of {self.gap:g} of a tag was asked for; it must be above 0 and at most 1")
+            raise BoardError(f"a gap of {self.gap:g} of a tag was requested; it must be above 0 and at most 1")
 
     @property
     def columns(self) -> int:
@@ -213,7 +215,7 @@ class AprilGrid:
 
     @property
     def orientable(self) -> bool:
-        """Always: each tag is known by itself."""
+        """Always True: each tag is unique."""
         return True
 
     def places(self, column: Ints, row: Ints) -> Floats:
@@ -222,7 +224,7 @@ class AprilGrid:
         return np.asarray(tag * (1.0 + self.gap) + end)
 
     def tag_number(self, column: Ints, row: Ints) -> Ints:
-        """Numbers of the tags in ``column`` and ``row`` of tags, the top row first: Kalibr counts from the bottom."""
+        """Numbers of the tags in ``column`` and ``row`` of tags, row 0 at the top; Kalibr numbers from the bottom."""
         return np.asarray((self.down - 1 - np.asarray(row)) * self.across + np.asarray(column))
 
 
@@ -230,9 +232,9 @@ class AprilGrid:
 class CircleGrid:
     """A grid of ``columns`` × ``rows`` black discs; its points are their centres.
 
-    Where it is ``asymmetric`` the odd rows stand half way between the even ones, as in OpenCV: the unit of length is
-    then the distance between rows, and discs of one row are two units apart. ``diameter`` is a disc's, in units. Raises
-    BoardError below 3×3 discs and for discs that touch.
+    If it is ``asymmetric``, the discs of odd rows are half way between those of even rows, as in OpenCV: the unit of
+    length is then the distance between rows, and the discs of a row are two units apart. ``diameter`` is that of the
+    discs, in units. Raises BoardError below 3×3 discs and for discs that touch.
     """
 
     columns: int
@@ -243,18 +245,18 @@ class CircleGrid:
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 1000:
             raise BoardError(
-                f"a grid of {self.columns}x{self.rows} circles was asked for; it must be between 3x3 and 1000x1000"
+                f"a grid of {self.columns}x{self.rows} circles was requested; it must be between 3x3 and 1000x1000"
             )
         touching = np.sqrt(2.0) if self.asymmetric else 1.0
         if not 0.0 < self.diameter < 0.9 * touching:
             raise BoardError(
-                f"circles of {self.diameter:g} of their spacing were asked for; it must be above 0 and below "
+                f"circles with a diameter of {self.diameter:g} spacings were requested; it must be above 0 and below "
                 f"{0.9 * touching:.2f}, so that they do not touch"
             )
 
     @property
     def spec(self) -> str:
-        """``"circles:7x5"`` or ``"circles:4x11:asymmetric"``, with the diameter behind it unless that is 0.5."""
+        """``"circles:7x5"`` or ``"circles:4x11:asymmetric"``, followed by the diameter unless that is 0.5."""
         parts = ["circles", f"{self.columns}x{self.rows}"] + ["asymmetric"] * self.asymmetric
         return ":".join(parts + [f"{self.diameter:g}"] * (self.diameter != 0.5))
 
@@ -265,7 +267,7 @@ class CircleGrid:
 
     @property
     def orientable(self) -> bool:
-        """True for an asymmetric grid of an odd number of rows: a half turn moves its rows sideways."""
+        """True for an asymmetric grid with an odd number of rows: a half turn shifts its rows sideways."""
         return self.asymmetric and self.rows % 2 == 1
 
     def places(self, column: Ints, row: Ints) -> Floats:
@@ -278,8 +280,8 @@ class CircleGrid:
 class Screen:
     """A screen of ``width`` × ``height`` pixels that shows Gray codes; its points are nodes ``spacing`` pixels apart.
 
-    The unit of length is the spacing. The first node stands in the middle of the top left ``spacing`` × ``spacing``
-    pixels, and so on. Raises BoardError for spacings below 4 px and screens of fewer than 3×3 nodes.
+    The unit of length is the spacing. The first node is the centre of the top left ``spacing`` × ``spacing`` pixels,
+    and so on. Raises BoardError for spacings below 4 px, and unless there are 3 to 4000 nodes in each direction.
     """
 
     width: int
@@ -289,8 +291,8 @@ class Screen:
     def __post_init__(self) -> None:
         if self.spacing < 4 or min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 4000:
             raise BoardError(
-                f"nodes {self.spacing} px apart on a screen of {self.width}x{self.height} px were asked for; the "
-                "spacing must be 4 px or more, with 3 to 4000 nodes each way"
+                f"nodes {self.spacing} px apart on a screen of {self.width}x{self.height} px were requested; the "
+                "spacing must be 4 px or more, with 3 to 4000 nodes in each direction"
             )
 
     @property
@@ -315,7 +317,7 @@ class Screen:
 
     @property
     def orientable(self) -> bool:
-        """Always: each pixel is known by itself."""
+        """Always True: each pixel is identified."""
         return True
 
     def places(self, column: Ints, row: Ints) -> Floats:
@@ -323,7 +325,7 @@ class Screen:
         return _square_lattice(column, row)
 
     def screen_pixels(self, ids: Ints) -> Floats:
-        """Where the nodes ``ids`` (n,) stand on the screen: (n, 2) px, integer = pixel centre."""
+        """Positions (n, 2) of the nodes ``ids`` (n,) on the screen, in px, integer = pixel centre."""
         return (lattice_points(self, ids) + 0.5) * self.spacing - 0.5
 
 
@@ -357,7 +359,7 @@ def _checkerboard(text: str) -> Checkerboard:
     match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})", text)
     if match is None:
         raise BoardError(
-            f"'{text}' is no board; write the inner corners of a checkerboard as columns x rows, for example 15x9"
+            f"'{text}' is not a board; write the inner corners of a checkerboard as columns x rows, for example 15x9"
         )
     return Checkerboard(int(match[1]), int(match[2]))
 
@@ -366,7 +368,7 @@ def _charuco(text: str) -> Charuco:
     match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4}):(\w+):(\d*\.?\d+)", text)
     if match is None:
         raise BoardError(
-            f"'charuco:{text}' is no board; write squares, OpenCV's name of the markers, and marker side ÷ square "
+            f"'charuco:{text}' is not a board; write squares, OpenCV's name of the markers, and marker side ÷ square "
             "side, for example charuco:9x7:DICT_4X4_100:0.5"
         )
     return Charuco(int(match[1]) - 1, int(match[2]) - 1, match[3], float(match[4]))
@@ -376,7 +378,7 @@ def _aprilgrid(text: str) -> AprilGrid:
     match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4}):(\w+):(\d*\.?\d+)", text)
     if match is None:
         raise BoardError(
-            f"'aprilgrid:{text}' is no board; write tags, their family, and gap ÷ tag side, for example "
+            f"'aprilgrid:{text}' is not a board; write tags, their family, and gap ÷ tag side, for example "
             "aprilgrid:6x6:tag36h11:0.3"
         )
     return AprilGrid(int(match[1]), int(match[2]), match[3], float(match[4]))
@@ -386,8 +388,8 @@ def _circles(text: str) -> CircleGrid:
     match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})(:asymmetric)?(?::(\d*\.?\d+))?", text)
     if match is None:
         raise BoardError(
-            f"'circles:{text}' is no board; write circles as columns x rows, for example circles:7x5 or "
-            "circles:4x11:asymmetric, and behind it their diameter ÷ spacing where that is not 0.5"
+            f"'circles:{text}' is not a board; write circles as columns x rows, for example circles:7x5 or "
+            "circles:4x11:asymmetric, followed by their diameter ÷ spacing if that is not 0.5"
         )
     return CircleGrid(int(match[1]), int(match[2]), match[3] is not None, float(match[4] or 0.5))
 
@@ -396,7 +398,7 @@ def _screen(text: str) -> Screen:
     match = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})(?::(\d{1,4}))?", text)
     if match is None:
         raise BoardError(
-            f"'gray:{text}' is no screen; write its width x height in px, and behind it the spacing of the nodes where "
+            f"'gray:{text}' is not a screen; write its width x height in px, followed by the spacing of the nodes if "
             "that is not 16 px, for example gray:1920x1080 or gray:1920x1080:24"
         )
     return Screen(int(match[1]), int(match[2]), int(match[3] or 16))
@@ -418,5 +420,5 @@ def parse_board(text: str) -> Board:
     if not colon:
         return BOARD_KINDS["checkerboard"](kind)
     if kind not in BOARD_KINDS:
-        raise BoardError(f"'{kind}' is no kind of board this version knows; it knows: {', '.join(BOARD_KINDS)}")
+        raise BoardError(f"unknown kind of board '{kind}': choose one of {', '.join(BOARD_KINDS)}")
     return BOARD_KINDS[kind](rest)

@@ -1,4 +1,4 @@
-"""The virtual camera: pixels ↔ virtual plane ↔ rays, each with its standard deviation, and where to believe it."""
+"""The virtual camera: pixels ↔ virtual plane ↔ rays, with standard deviations, and the domain in which it is valid."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:  # SciPy takes longer to load than all the rest of mapping pix
 
     from pinholify.gp.maps import PlaneMap
 
-START_GRID = 48
+START_GRID = 48  # pixels along each side from which inversions start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mapped:
-    """Points (n, 2) and their covariance (n, 2, 2), of the map alone: a new corner's own noise comes on top."""
+    """Points (n, 2) and their covariance (n, 2, 2), due to the map alone: the noise of a new corner is not included."""
 
     points: Floats
     covariance: Floats
@@ -38,8 +38,8 @@ class Mapped:
 class Rays:
     """Rays of pixels in the camera frame of the reference board.
 
-    ``origins`` (n, 3) in squares, ``directions`` (n, 3) unit vectors, ``std_px`` (n,) root mean square over both axes
-    of the map's standard deviation, in px of the image. A camera with a single centre has all origins at zero.
+    ``origins`` (n, 3) in squares, all zero because the camera has a single centre; ``directions`` (n, 3) unit vectors;
+    ``std_px`` (n,) root mean square over both axes of the map's standard deviation, in px of the image.
     """
 
     origins: Floats
@@ -49,7 +49,7 @@ class Rays:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Domain:
-    """Where a camera may be believed: inside ``hull`` (px) and where the map's shape is known to ``max_std`` px."""
+    """Where a camera is valid: inside ``hull`` (px), where its ``shape_std`` is at most ``max_std`` px."""
 
     hull: ConvexRegion
     max_std: float = np.inf
@@ -59,10 +59,10 @@ class Domain:
 class VirtualCamera:
     """An ideal pinhole camera behind a learnt map of its image.
 
-    ``plane_map`` takes pixels to chart coordinates, ``chart`` those to rays. The frame is the reference board's: the
-    optical centre at the origin, z perpendicular to that board, whose plane is the virtual plane at z = f squares.
-    ``image_size`` is (width, height) px; ``mirrored`` says that the image is a reflection; ``noise_px`` is the std of a
-    corner's place per axis that the fit found.
+    ``plane_map`` maps pixels to chart coordinates, ``chart`` those to rays. The frame is the reference board's: the
+    optical centre is the origin, z is perpendicular to that board, and its plane is the virtual plane at z = f squares.
+    ``image_size`` is (width, height) px; ``mirrored`` is whether the image is a reflection; ``noise_px`` is the fitted
+    standard deviation per axis of a corner's position.
     """
 
     plane_map: PlaneMap
@@ -76,7 +76,7 @@ class VirtualCamera:
     # --- from pixels ---
 
     def to_rays(self, uv: Floats) -> Rays:
-        """The rays of pixels ``uv`` (n, 2)."""
+        """The :class:`Rays` of pixels ``uv`` (n, 2)."""
         directions = self.chart.directions(self.plane_map.value(uv))
         variance = np.trace(self._ray_covariance(uv), axis1=1, axis2=2)
         return Rays(np.zeros_like(directions), directions, np.sqrt(variance / 2.0))
@@ -101,18 +101,19 @@ class VirtualCamera:
         return np.asarray(by_direction @ self.chart.direction_jacobian(q) @ self.plane_map.jacobian(uv))
 
     def pixel_covariance(self, uv: Floats) -> Floats:
-        """Covariance (n, 2, 2) of the map expressed as a shift of the pixel, px²."""
+        """Covariance (n, 2, 2) of the map, converted to a shift of the pixel, in px²."""
         return self._as_pixels(uv, self.plane_map.covariance(uv))
 
     def _ray_covariance(self, uv: Floats) -> Floats:
-        """The same of map and K together: of the pixel that sees a ray."""
+        """Covariance (n, 2, 2) in px², due to the map and K together, of the pixel that sees a ray."""
         both = self.plane_map.covariance(uv) + self.chart.covariance(self.plane_map.value(uv))
         return self._as_pixels(uv, both)
 
     def shape_std(self, uv: Floats) -> Floats:
-        """How well the map's shape is known at each pixel: std (n,) in px, root mean square over both axes.
+        """Standard deviation (n,) of the map's shape at ``uv`` (n, 2), in px, root mean square over both axes.
 
-        Leaves out what a turn of the whole camera would undo, such as the uncertainty of the reference board's pose.
+        It excludes what a rotation of the whole camera could undo, such as the uncertainty of the reference board's
+        pose.
         """
         covariance = self._as_pixels(uv, self.plane_map.covariance_up_to_turn(uv))
         return np.asarray(np.sqrt(np.trace(covariance, axis1=1, axis2=2) / 2.0))
@@ -122,7 +123,7 @@ class VirtualCamera:
         return np.asarray(inverse @ covariance @ inverse.transpose(0, 2, 1))
 
     def inside(self, uv: Floats) -> Bools:
-        """Whether each pixel (n, 2) lies in the domain."""
+        """Which (n,) of the pixels ``uv`` (n, 2) lie in the domain."""
         inside = self.domain.hull.contains(uv)
         if np.isfinite(self.domain.max_std) and inside.any():
             inside[inside] = self.shape_std(uv[inside]) <= self.domain.max_std
@@ -131,11 +132,11 @@ class VirtualCamera:
     # --- to pixels ---
 
     def from_virtual(self, xy: Floats) -> Mapped:
-        """Pixels that see virtual points ``xy`` (n, 2); nan where the inverse does not converge."""
+        """Pixels (n, 2) that see virtual points ``xy`` (n, 2) in squares; nan where the inverse does not converge."""
         return self.from_rays(self.intrinsics.directions(xy))
 
     def from_rays(self, xyz: Floats) -> Mapped:
-        """Pixels that see points or directions ``xyz`` (n, 3); nan where none does."""
+        """Pixels (n, 2) that see points or directions ``xyz`` (n, 3); nan where none do."""
         uv = self.project(xyz)
         covariance = np.full((len(uv), 2, 2), np.nan)
         found = np.isfinite(uv).all(axis=1)
@@ -143,7 +144,7 @@ class VirtualCamera:
         return Mapped(uv, covariance)
 
     def project(self, xyz: Floats) -> Floats:
-        """Pixels alone (n, 2) of points ``xyz`` (n, 3) of the camera frame: :meth:`from_rays` without covariance."""
+        """Pixels (n, 2) of points ``xyz`` (n, 3) of the camera frame: :meth:`from_rays` without the covariance."""
         q = self.chart.coordinates(xyz)
         uv = np.full((len(xyz), 2), np.nan)
         known = np.isfinite(q).all(axis=1)
@@ -153,11 +154,11 @@ class VirtualCamera:
 
 
 def virtual(camera: object) -> VirtualCamera:
-    """``camera`` itself; raises InputError for what is none, such as the calibration that holds it."""
+    """``camera`` itself; raises InputError if it is something else, such as the calibration that holds it."""
     if not isinstance(camera, VirtualCamera):
         raise InputError(
-            f"a {type(camera).__name__} was given where a VirtualCamera is needed; give the .camera of what "
-            "read_camera or calibrate returned"
+            f"a {type(camera).__name__} was given where a VirtualCamera is needed; give the .camera of the result of "
+            "read_camera or calibrate"
         )
     return camera
 
@@ -165,7 +166,7 @@ def virtual(camera: object) -> VirtualCamera:
 def invert(camera: VirtualCamera, q: Floats) -> Floats:
     """Pixels (n, 2) that ``camera``'s map takes to ``q`` (n, 2); nan where the inverse does not converge.
 
-    A pixel farther outside the image than the image is large counts as not converged.
+    A pixel farther outside the image than the image's own size counts as not converged.
     """
     uv = camera.plane_map.inverse(q, lambda q: _nearby(camera, q))
     far = np.abs(uv / camera.image_size - 0.5).max(axis=1, initial=0.0, keepdims=True) >= 1.5
@@ -173,21 +174,24 @@ def invert(camera: VirtualCamera, q: Floats) -> Floats:
 
 
 def _nearby(camera: VirtualCamera, q: Floats) -> tuple[Floats, float]:
-    """The nearest to ``q`` of a grid of pixels where the map keeps the handedness it has inside the domain's hull."""
+    """The pixels of the start grid whose map values are nearest to ``q``, and the longest useful step."""
     grid, at_grid, reach = _start_grid(camera)
     return grid[at_grid.query(q)[1]], reach
 
 
 @lru_cache(maxsize=8)
 def _start_grid(camera: VirtualCamera) -> tuple[Floats, cKDTree, float]:
-    """Pixels (n, 2) to start from, the tree of what the map says of them, and the longest step that helps."""
+    """Pixels (n, 2) to start from, the tree of their map values, and the longest useful step in px.
+
+    Only pixels where the map has the same handedness as inside the domain's hull are used.
+    """
     from scipy.spatial import cKDTree
 
     (width, height), hull = camera.image_size, camera.domain.hull
     u, v = np.linspace(0, width - 1, START_GRID), np.linspace(0, height - 1, START_GRID)
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     grid = np.concatenate([grid, hull.vertices, hull.vertices.mean(axis=0, keepdims=True)])
-    with np.errstate(invalid="ignore"):  # a map may hold nothing in places
+    with np.errstate(invalid="ignore"):  # a map may be nan in places
         handedness = np.sign(np.linalg.det(camera.plane_map.jacobian(grid)))
     keep = handedness == np.sign(handedness[hull.contains(grid)].sum())
     grid = grid[keep]

@@ -1,7 +1,7 @@
-"""Charts: how the two numbers a map gives for a pixel stand for a ray.
+"""Charts: how the two coordinates that a map gives for a pixel represent a ray.
 
 The one-image camera maps pixels to the virtual plane, the joint refinement maps them to angles, which stay bounded
-where the plane ends. Everything above works on either through this interface.
+where the plane ends. All other code works with either through this interface.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Intrinsics:
 
 
 class Chart(Protocol):
-    """Coordinates q of ray directions in the camera frame of the reference board."""
+    """Coordinates q (n, 2) of ray directions in the camera frame of the reference board."""
 
     def directions(self, q: Floats) -> Floats:
         """Unit directions (n, 3) of ``q`` (n, 2)."""
@@ -67,7 +67,7 @@ class Chart(Protocol):
         ...
 
     def covariance(self, q: Floats) -> Floats:
-        """Covariance (n, 2, 2) of the coordinates of fixed rays, those at ``q``, by what the chart does not know."""
+        """Covariance (n, 2, 2) of the coordinates ``q`` (n, 2) of fixed rays, due to the chart's own uncertainty."""
         ...
 
 
@@ -75,7 +75,7 @@ class Chart(Protocol):
 class PlaneChart:
     """q is a point of the virtual plane, in squares.
 
-    ``intrinsics_covariance`` (3, 3) is that of (f, uc, vc), squares², where it is known.
+    ``intrinsics_covariance`` (3, 3) is the covariance of (f, uc, vc) in squares², if it is known.
     """
 
     intrinsics: Intrinsics
@@ -86,12 +86,12 @@ class PlaneChart:
             object.__setattr__(self, "intrinsics_covariance", frozen(self.intrinsics_covariance, (3, 3)))
 
     def directions(self, q: Floats) -> Floats:
-        """Unit directions."""
+        """Unit directions (n, 3) of ``q`` (n, 2)."""
         d = self.intrinsics.directions(q)
         return np.asarray(d / np.linalg.norm(d, axis=1, keepdims=True))
 
     def direction_jacobian(self, q: Floats) -> Floats:
-        """∂ direction/∂q."""
+        """∂ direction/∂q, (n, 3, 2)."""
         d = self.intrinsics.directions(q)
         length = np.linalg.norm(d, axis=1)[:, None, None]
         unit = d[:, :, None] / length
@@ -99,15 +99,15 @@ class PlaneChart:
         return np.asarray(projector[:, :, :2] / (length * self.intrinsics.f))
 
     def coordinates(self, xyz: Floats) -> Floats:
-        """Virtual points; nan at 90° from the axis and beyond."""
+        """Virtual points (n, 2) in squares of ``xyz`` (n, 3); nan at 90° from the axis and beyond."""
         return self.intrinsics.project(xyz)
 
     def coordinate_jacobian(self, xyz: Floats) -> Floats:
-        """∂q/∂xyz."""
+        """∂q/∂xyz, (n, 2, 3)."""
         return self.intrinsics.projection_jacobian(xyz)
 
     def covariance(self, q: Floats) -> Floats:
-        """By K's; zero where that is not known."""
+        """Covariance (n, 2, 2) in squares² due to that of K; zero if that is not known."""
         by_k = np.zeros((len(q), 2, 3))
         by_k[:, :, 0] = (q - [self.intrinsics.uc, self.intrinsics.vc]) / self.intrinsics.f
         by_k[:, 0, 1] = by_k[:, 1, 2] = 1.0
@@ -119,7 +119,7 @@ class PlaneChart:
 class AngleChart:
     """q = θ (cos φ, sin φ), azimuthal equidistant in radians about the z axis of the map's own frame.
 
-    ``rotation`` (3, 3) takes directions of that frame to the camera frame of the reference board.
+    ``rotation`` (3, 3) rotates directions of that frame to the camera frame of the reference board.
     """
 
     rotation: Floats
@@ -128,28 +128,28 @@ class AngleChart:
         object.__setattr__(self, "rotation", frozen(self.rotation, (3, 3)))
 
     def directions(self, q: Floats) -> Floats:
-        """Unit directions."""
+        """Unit directions (n, 3) of ``q`` (n, 2)."""
         return angles_to_directions(q) @ self.rotation.T
 
     def direction_jacobian(self, q: Floats) -> Floats:
-        """∂ direction/∂q."""
+        """∂ direction/∂q, (n, 3, 2)."""
         return np.asarray(self.rotation @ angles_to_directions_jacobian(q))
 
     def coordinates(self, xyz: Floats) -> Floats:
-        """Angles."""
+        """Angles (n, 2) in radians of ``xyz`` (n, 3); nan straight behind."""
         return directions_to_angles(xyz @ self.rotation)
 
     def coordinate_jacobian(self, xyz: Floats) -> Floats:
-        """∂q/∂xyz."""
+        """∂q/∂xyz, (n, 2, 3)."""
         return np.asarray(directions_to_angles_jacobian(xyz @ self.rotation) @ self.rotation.T)
 
     def covariance(self, q: Floats) -> Floats:
-        """Zero: the map's covariance holds all."""
+        """Zeros (n, 2, 2): the map's covariance includes everything."""
         return np.zeros((len(q), 2, 2))
 
 
 def angles_to_directions(q: Floats) -> Floats:
-    """Unit directions (n, 3) of azimuthal equidistant angles ``q`` (n, 2)."""
+    """Unit directions (n, 3) of azimuthal equidistant angles ``q`` (n, 2) in radians."""
     theta = np.linalg.norm(q, axis=1, keepdims=True)
     return np.concatenate([q * np.sinc(theta / np.pi), np.cos(theta)], axis=1)
 
@@ -165,7 +165,7 @@ def angles_to_directions_jacobian(q: Floats) -> Floats:
 
 
 def directions_to_angles(xyz: Floats) -> Floats:
-    """Azimuthal equidistant angles (n, 2) of the rays through ``xyz`` (n, 3); straight behind there is no answer."""
+    """Azimuthal equidistant angles (n, 2) in radians of the rays through ``xyz`` (n, 3); nan straight behind."""
     rho = np.hypot(xyz[:, 0], xyz[:, 1])
     theta = np.arctan2(rho, xyz[:, 2])
     near = rho < 1e-9 * np.abs(xyz[:, 2])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,31 +13,42 @@ from pinholify.arrays import Floats, Ints, frozen
 from pinholify.board import Board, lattice_points, size
 from pinholify.errors import InputError
 
-SAME = "it has the same corners as"  # why a view that repeats another does not count
+SAME = "it has the same corners as"
+"""Why a view that repeats another does not count; the other's name follows."""
+
+_ALL_ONES: Any = None
+"""Stands for the weights of :class:`Corners` until it makes them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
     """The corners of one board found in one image; none (and a ``reason``) where no board was found.
 
-    ``ids`` (n,) int64 are lattice ids of the board, each at most once. ``uv`` (n, 2) float64 are their places in px of
-    the original image (integer = pixel centre). ``weights`` (n,) float64 multiply a corner's residual: a corner of
-    weight ½ is thought twice as uncertain as one of weight 1. Raises ValueError on shapes that do not fit.
+    ``ids`` (n,) int64 are lattice ids of the board, each at most once. ``uv`` (n, 2) float64 are their positions in px
+    of the original image (integer = pixel centre). ``weights`` (n,) float64, all 1 by default, multiply a corner's
+    residual: the standard deviation of a corner of weight ½ is taken to be twice that of one of weight 1.
+
+    ``orientation_assumed``: a half turn of the board would look the same. ``ambiguous_offset``: the visible part of the
+    board may belong elsewhere on it. ``larger_board``: no board was found because the image shows a larger one.
+
+    Raises ValueError for arrays whose shapes do not match, ids that are negative or repeated, and pixels that are not
+    finite.
     """
 
     name: str
     ids: Ints
     uv: Floats
-    weights: Floats = None  # type: ignore[assignment]  # all ones; an array once made
+    weights: Floats = _ALL_ONES
     reason: str = ""
     orientation_assumed: bool = False
     ambiguous_offset: bool = False
+    larger_board: bool = False
 
     def __post_init__(self) -> None:
         ids = frozen(self.ids, (None,), np.int64)
         if len(np.unique(ids)) != len(ids) or (len(ids) and ids.min() < 0):
             raise ValueError(f"corner ids of '{self.name}' are negative or appear twice")
-        weights: ArrayLike = np.ones(len(ids)) if self.weights is None else self.weights
+        weights: ArrayLike = np.ones(len(ids)) if self.weights is _ALL_ONES else self.weights
         uv = frozen(self.uv, (len(ids), 2))
         if not np.isfinite(uv).all():
             raise ValueError(f"corners of '{self.name}' are not finite")
@@ -45,7 +57,7 @@ class Corners:
         object.__setattr__(self, "weights", frozen(weights, (len(ids),)))
 
     def __repr__(self) -> str:
-        """The name, and how many corners there are or why there are none."""
+        """The name, and the number of corners or the reason why there are none."""
         return f"<{self.name}: {len(self)} corners>" if self.found else f"<{self.name}: {self.reason or 'no board'}>"
 
     @property
@@ -64,20 +76,25 @@ class Corners:
     def select(self, keep: ArrayLike) -> Corners:
         """The corners where ``keep`` (n,) bool is true, everything else unchanged."""
         mask = np.asarray(keep, dtype=bool)
-        return Corners(self.name, self.ids[mask], self.uv[mask], self.weights[mask], self.reason,
-                       self.orientation_assumed, self.ambiguous_offset)
+        return replace(self, ids=self.ids[mask], uv=self.uv[mask], weights=self.weights[mask])
 
 
-def not_found(name: str, reason: str) -> Corners:
-    """The result for image ``name`` in which no board was found, and why."""
-    return Corners(name, np.empty(0, np.int64), np.empty((0, 2)), reason=reason)
+def sorted_by_id(corners: Corners) -> Corners:
+    """``corners`` in the order of their ids."""
+    order = np.argsort(corners.ids)
+    return replace(corners, ids=corners.ids[order], uv=corners.uv[order], weights=corners.weights[order])
+
+
+def not_found(name: str, reason: str, *, larger_board: bool = False) -> Corners:
+    """The result for image ``name``, in which no board was found for this ``reason``."""
+    return Corners(name, np.empty(0, np.int64), np.empty((0, 2)), reason=reason, larger_board=larger_board)
 
 
 def repeated(views: Iterable[Corners]) -> dict[str, str]:
-    """By name, the views that repeat the corners of an earlier one, and that one's name.
+    """Names of the views that repeat the corners of an earlier view, each with the name of that view.
 
-    A photograph given twice, or a frame that stood still, has the same ids at the same places, to a millionth of a px;
-    it tells nothing new, not even of the noise.
+    A photograph given twice, or a frozen video frame, has the same ids at the same pixels to 1e-6 px. It adds no
+    information, not even about the noise.
     """
     first: dict[tuple[bytes, bytes], str] = {}
     repeats = {}
@@ -93,9 +110,9 @@ def repeated(views: Iterable[Corners]) -> dict[str, str]:
 class CornerSet:
     """All views of one board by one camera.
 
-    ``image_size`` is (width, height) in px. ``centred`` says of a circle grid that the corners are the images of the
-    discs' centres, and no longer the centroids of the discs' images. Raises InputError on ids that the board does not
-    have and on two views of one name.
+    ``image_size`` is (width, height) in px. ``centred`` applies to circle grids: the corners are the images of the
+    discs' centres rather than the centroids of the discs' images. Raises InputError for ids that the board does not
+    have and for two views of the same name.
     """
 
     board: Board
@@ -117,7 +134,7 @@ class CornerSet:
             names.add(view.name)
 
     def __repr__(self) -> str:
-        """What there is, in numbers."""
+        """The board, and the numbers of images and corners."""
         width, height = self.image_size
         count = sum(map(len, self.views))
         return (

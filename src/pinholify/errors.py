@@ -1,23 +1,23 @@
-"""The errors a caller may meet. Each message says what was found, what was needed and what to do.
+"""The errors of the package. Each message says what was found, what was needed and what to do.
 
 ::
 
     PinholifyError
     ├── InputError             something the user gave cannot be used
     │   ├── BoardError         a board description that cannot be read
-    │   ├── ImageError         an image that cannot be read, or is too large
+    │   ├── ImageError         an image that cannot be read, is too large, or is of the wrong size
     │   ├── CornerTableError   a corner table that breaks the format
-    │   └── CameraFileError    a camera file that is foreign, cut short or newer
+    │   └── CameraFileError    a camera file that is foreign, truncated or newer
     ├── CalibrationError       the corners do not determine a camera
-    │   └── DegenerateError    the boards stand so that K cannot be told
+    │   └── DegenerateError    the boards' poses do not determine K
     └── OutputError            a result cannot be written
 
-A board that is not found in an image is no error but a result with a reason (:class:`pinholify.corners.Corners`).
+A board that is not found in an image is not an error but a result with a reason (:class:`pinholify.corners.Corners`).
 """
 
 
 class PinholifyError(Exception):
-    """Base of all errors of this package; its text is one sentence fit for a person."""
+    """Base of all errors of this package; its text is one sentence for the user."""
 
 
 class InputError(PinholifyError):
@@ -29,7 +29,7 @@ class BoardError(InputError):
 
 
 class ImageError(InputError):
-    """An image that cannot be read, is too large, or has another size than the camera's."""
+    """An image that cannot be read, is too large, or is not of the camera's size."""
 
 
 class CornerTableError(InputError):
@@ -37,7 +37,7 @@ class CornerTableError(InputError):
 
 
 class CameraFileError(InputError):
-    """A camera file that is foreign, cut short, or of a newer version."""
+    """A camera file that is foreign, truncated, or of a newer version."""
 
 
 class CalibrationError(PinholifyError):
@@ -45,7 +45,7 @@ class CalibrationError(PinholifyError):
 
 
 class DegenerateError(CalibrationError):
-    """The boards stand so that the intrinsics cannot be told, e.g. all parallel."""
+    """The boards' poses do not determine the intrinsics, e.g. because all are parallel."""
 
 
 class OutputError(PinholifyError):

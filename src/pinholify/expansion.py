@@ -1,7 +1,7 @@
-"""Smooth maps evaluated at every pixel: exact at a few Chebyshev nodes, expanded by two small matrix products.
+"""Smooth maps evaluated at every pixel: exactly at a few Chebyshev nodes, expanded by two small matrix products.
 
-A region where the expansion does not converge (or where the map does not exist at some node) is split in four; what is
-left at the smallest size is evaluated pixel by pixel (design: Trefethen, *Approximation Theory and Practice*, ch. 3).
+A region where the expansion does not converge, or where the map does not exist at some node, is split into four; the
+smallest regions are evaluated pixel by pixel (Trefethen, *Approximation Theory and Approximation Practice*, ch. 3).
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from numpy.typing import DTypeLike, NDArray
 
 from pinholify.arrays import Bools, Floats
 
-NODES = 24
-TAIL = 4
-SMALLEST = 32  # px; a region as small as this is evaluated directly
+NODES = 24  # along each axis
+TAIL = 4  # highest orders from which the error of an expansion is estimated
+SMALLEST_REGION = 32  # px; regions of at most this size are evaluated directly
 
 PointMap = Callable[[Floats], Floats]
-"""(n, 2) → (n, outputs), nan where there is no answer."""
+"""A function of points (n, 2) with values (n, outputs), nan where it is not defined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,30 +35,30 @@ class Region:
 
     @property
     def small(self) -> bool:
-        """Whether direct evaluation is as cheap as the nodes."""
-        return max(self.right - self.left, self.bottom - self.top) <= SMALLEST
+        """Whether direct evaluation is as cheap as evaluation at the nodes."""
+        return max(self.right - self.left, self.bottom - self.top) <= SMALLEST_REGION
 
     def quarters(self) -> list[Region]:
-        """Four regions that make up this one."""
+        """The four regions that make up this one."""
         x, y = (self.left + self.right + 1) // 2, (self.top + self.bottom + 1) // 2
         parts = [(self.left, self.top, x, y), (x, self.top, self.right, y)]
         parts += [(self.left, y, x, self.bottom), (x, y, self.right, self.bottom)]
         return [Region(*p) for p in parts if p[0] < p[2] and p[1] < p[3]]
 
     def pixels(self) -> Floats:
-        """All its pixels, row-major (n, 2)."""
+        """All pixels (n, 2), row-major."""
         x, y = np.arange(self.left, self.right), np.arange(self.top, self.bottom)
         return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float64)
 
     def nodes(self) -> Floats:
-        """Its Chebyshev nodes (NODES², 2), row-major; they reach slightly beyond no edge."""
+        """The Chebyshev nodes (NODES², 2), row-major, all of them inside the region."""
         t = nodes()
         x = (self.left + self.right - 1) / 2.0 + t * (self.right - 1 - self.left) / 2.0
         y = (self.top + self.bottom - 1) / 2.0 + t * (self.bottom - 1 - self.top) / 2.0
         return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
     def of(self, planes: NDArray[Any]) -> NDArray[Any]:
-        """Its part (outputs, rows, columns) of ``planes`` (outputs, height, width)."""
+        """The region (outputs, rows, columns) of ``planes`` (outputs, height, width)."""
         return planes[:, self.top : self.bottom, self.left : self.right]
 
 
@@ -77,8 +77,8 @@ def expand(
 ) -> NDArray[Any]:
     """``function`` at every pixel of an image of ``size`` (width, height): (outputs, height, width) of ``dtype``.
 
-    ``tolerance`` bounds the expansion's error, in units of the function's values; nan where it has no answer, and
-    perhaps where its values (…, outputs) are not ``wanted``: a region none of whose nodes is wanted is left out.
+    ``tolerance`` bounds the expansion's error, in units of the function's values. The result is nan where the function
+    is not defined. Regions without a node whose values (…, outputs) are ``wanted`` are skipped, and nan too.
     """
     width, height = size
     out = np.empty((outputs, height, width), dtype=dtype)
@@ -107,7 +107,7 @@ def _fill_by_nodes(
     tolerance: float,
     wanted: Callable[[Floats], Bools],
 ) -> list[Region]:
-    """Fill the regions that converge; the quarters of those that do not are returned."""
+    """Fill the regions that converge, and return the quarters of those that do not."""
     values = function(np.concatenate([r.nodes() for r in regions])).reshape(len(regions), NODES, NODES, -1)
     with np.errstate(invalid="ignore"):
         coefficients = to_coefficients(values)
@@ -123,7 +123,7 @@ def _fill_by_nodes(
 
 
 def tail(coefficient: Floats) -> float:
-    """Sum of the sizes of the highest orders in either direction: what a few more orders would still add."""
+    """Sum of the magnitudes of the highest orders along either axis: an estimate of what further orders would add."""
     size = np.abs(coefficient)
     return float(max(size[:, -TAIL:].sum(axis=(1, 2)).max(), size[:, :, -TAIL:].sum(axis=(1, 2)).max()))
 

@@ -1,7 +1,7 @@
 """The same camera in another mode of its sensor: cropped, binned, or at another resolution.
 
-Nothing is calibrated anew: a mode's pixel is a place on the sensor that was calibrated, and its ray is that place's.
-K, the frame and the unit of length stay; standard deviations, noise and domain are told in the mode's own px.
+No new calibration is needed: a mode's pixel is a position on the calibrated sensor, and has the ray of that position.
+K, the frame and the unit of length stay; standard deviations, noise and domain are in px of the mode.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from pinholify.errors import InputError
 from pinholify.geometry import ConvexRegion
 from pinholify.gp.maps import Nearby, PlaneMap
 
-ROUNDING = 1.0  # px by which an image scaled in proportion may miss the exact size
+ROUNDING_PX = 1.0  # tolerance of the size of an image that is scaled in proportion
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorMode:
     """A :class:`pinholify.gp.maps.PlaneMap` of a mode's pixels: calibrated pixel = ``scale`` · pixel + ``offset``.
 
-    ``scale`` (2,) and ``offset`` (2,) px are those of columns and rows; ``plane_map`` is the calibrated pixels' map.
+    ``scale`` (2,) and ``offset`` (2,) px are for u and v; ``plane_map`` is the map of the calibrated pixels.
     """
 
     plane_map: PlaneMap
@@ -43,7 +43,7 @@ class SensorMode:
         return (uv - self.offset) / self.scale
 
     def value(self, uv: Floats) -> Floats:
-        """q (n, 2)."""
+        """q (n, 2) of the mode's pixels ``uv`` (n, 2)."""
         return self.plane_map.value(self.calibrated(uv))
 
     def jacobian(self, uv: Floats) -> Floats:
@@ -51,19 +51,19 @@ class SensorMode:
         return self.plane_map.jacobian(self.calibrated(uv)) * self.scale
 
     def covariance(self, uv: Floats) -> Floats:
-        """Covariance of q (n, 2, 2)."""
+        """Covariance (n, 2, 2) of q."""
         return self.plane_map.covariance(self.calibrated(uv))
 
     def covariance_up_to_turn(self, uv: Floats) -> Floats:
-        """The same but for a turn of the whole camera, (n, 2, 2)."""
+        """Covariance (n, 2, 2) of q up to a rotation of the whole camera."""
         return self.plane_map.covariance_up_to_turn(self.calibrated(uv))
 
     def virtual_covariance(self, uv: Floats) -> Floats | None:
-        """Covariance of virtual points (n, 2, 2) where the calibrated map tells it itself."""
+        """Covariance (n, 2, 2) of virtual points, if the calibrated map provides it."""
         return self.plane_map.virtual_covariance(self.calibrated(uv))
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
-        """uv (n, 2) of ``q``."""
+        """The mode's pixels (n, 2) of ``q`` (n, 2)."""
 
         def nearby_calibrated(q: Floats) -> tuple[Floats, float]:
             start, reach = nearby(q)
@@ -72,58 +72,58 @@ class SensorMode:
         return self.restored(self.plane_map.inverse(q, nearby_calibrated))
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
-        """Shifts of q (draws, n, 2)."""
+        """Shifts (draws, n, 2) of q by random draws of the noise."""
         return self.plane_map.noise_response(self.calibrated(uv), draws, rng)
 
 
 def cropped(camera: VirtualCamera, left: int, top: int, size: tuple[int, int]) -> VirtualCamera:
-    """``camera`` reading only ``size`` (width, height) px from column ``left`` and row ``top`` on.
+    """``camera`` when it reads only ``size`` (width, height) px from column ``left`` and row ``top`` on.
 
-    Raises InputError where that is not a part of its image.
+    Raises InputError if that is not inside its image.
     """
     width, height = camera.image_size
     fits = min(left, top) >= 0 and left + size[0] <= width and top + size[1] <= height
     if not fits or min(size) < 1:
         raise InputError(
-            f"a crop of {size[0]}x{size[1]} from column {left} and row {top} is no part of the camera's image of "
-            f"{width}x{height}; give one that lies inside it"
+            f"a crop of {size[0]}x{size[1]} from column {left} and row {top} is not inside the camera's image of "
+            f"{width}x{height}; give one that is"
         )
     return _in_mode(camera, np.ones(2), np.array([left, top], dtype=np.float64), size)
 
 
 def binned(camera: VirtualCamera, factor: int) -> VirtualCamera:
-    """``camera`` with ``factor`` × ``factor`` of its pixels read as one; columns and rows left over are not read.
+    """``camera`` when it reads ``factor`` × ``factor`` pixels as one; leftover columns and rows are not read.
 
-    Raises InputError where the factor is below one or leaves no pixel.
+    Raises InputError if the factor is below one or leaves no pixel.
     """
     width, height = camera.image_size
     if not 1 <= factor <= min(width, height):
         raise InputError(
-            f"{factor}x{factor} binning was asked for of images of {width}x{height}; "
-            f"give a whole factor from 1 to {min(width, height)}"
+            f"{factor}x{factor} binning of images of {width}x{height} was requested; "
+            f"give an integer factor from 1 to {min(width, height)}"
         )
     return _in_mode(camera, np.full(2, float(factor)), np.zeros(2), (width // factor, height // factor))
 
 
 def scaled(camera: VirtualCamera, size: tuple[int, int]) -> VirtualCamera:
-    """``camera`` whose whole image is resampled to ``size`` (width, height) px, as image libraries resize.
+    """``camera`` when its whole image is resampled to ``size`` (width, height) px, as image libraries resize.
 
-    Raises InputError where ``size`` has not the image's proportions, up to rounding: that image was cropped too, or is
-    another camera's.
+    Raises InputError if ``size`` does not have the image's proportions, up to rounding: such images were also cropped,
+    or come from another camera.
     """
     width, height = camera.image_size
     exact = min(abs(size[0] - size[1] * width / height), abs(size[1] - size[0] * height / width))
-    if min(size) < 1 or exact > ROUNDING:
+    if min(size) < 1 or exact > ROUNDING_PX:
         raise InputError(
-            f"images of {size[0]}x{size[1]} have not the proportions of the camera's {width}x{height}: they are no "
-            "scaled copies of its images; crop the camera first if its sensor was cropped, or calibrate at that size"
+            f"images of {size[0]}x{size[1]} do not have the proportions of the camera's {width}x{height}, so they are "
+            "not just scaled; crop the camera first if its sensor was cropped, or calibrate at that size"
         )
     return _in_mode(camera, np.array([width / size[0], height / size[1]]), np.zeros(2), size)
 
 
 def _in_mode(camera: VirtualCamera, scale: Floats, corner: Floats, size: tuple[int, int]) -> VirtualCamera:
-    """The camera whose pixel measures ``scale`` (2,) px and whose image's outer corner lies ``corner`` px from ours."""
-    # Scaling keeps the outer corner of the image in place, (-0.5, -0.5), and not the centre of its first pixel.
+    """``camera`` with pixels of ``scale`` (2,) px, and the outer corner of its image shifted by ``corner`` (2,) px."""
+    # Scaling keeps the outer corner (-0.5, -0.5) of the image in place, not the centre of its first pixel.
     mode = SensorMode(camera.plane_map, scale, corner + (scale - 1.0) / 2.0)
     length = float(np.sqrt(scale.prod()))
     domain = Domain(ConvexRegion(mode.restored(camera.domain.hull.vertices)), camera.domain.max_std / length)
@@ -133,7 +133,7 @@ def _in_mode(camera: VirtualCamera, scale: Floats, corner: Floats, size: tuple[i
 
 
 def _flat(mode: SensorMode) -> SensorMode:
-    """The same mode, of the calibrated image itself where its map is that of a mode already."""
+    """``mode`` as a mode of the calibrated image itself, even if its map is that of another mode."""
     inner = mode.plane_map
     if not isinstance(inner, SensorMode):
         return mode

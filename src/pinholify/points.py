@@ -1,19 +1,18 @@
 """Points through a calibrated camera, in the argument order and shapes of OpenCV's functions of the same names.
 
-``camera`` stands where OpenCV has ``cameraMatrix, distCoeffs``. Points may be (N, 2), (N, 1, 2) or (1, N, 2), and of
-any number type; answers keep the shape and are float64. Pixels have (0, 0) at the centre of the top-left pixel. The
-camera's frame is the reference board's; ``R`` (3, 3), a rotation from it such as ``View.rotation``, chooses another
-everywhere. What does not exist (a pixel that sees no point, a point behind a plane) is nan. The answers are those of
-the same map that straightens images: exact, but where there are many points (``MANY`` or more) they may come from a
-table that is right to ``tolerance`` px of the image, tens of millions a second; 0 asks for exact ones however many. A
-table is made when it is first needed and kept for the next call.
+``camera`` takes the place of OpenCV's ``cameraMatrix, distCoeffs``. Points may be (N, 2), (N, 1, 2) or (1, N, 2), of
+any numeric type; results keep the shape and are float64. Pixels have (0, 0) at the centre of the top-left pixel. The
+camera's frame is the reference board's; everywhere ``R`` (3, 3), a rotation from it such as ``View.rotation``, selects
+another frame. What does not exist (a pixel that sees no point, a point behind a plane) is nan.
+
+Results come from the same map that straightens images. They are exact for fewer than ``MANY`` points; more may come
+from a table with an error of at most ``tolerance`` px of the image, at tens of millions of points per second, unless
+``tolerance`` is 0. A table is made when it is first needed and kept for the next call.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from pinholify.calibration.poses import refine_pose
 from pinholify.camera import VirtualCamera, virtual
 from pinholify.errors import InputError
 from pinholify.geometry import Pose, homogeneous
-from pinholify.tables import BLOCK, PointMap, PointTable, point_table
+from pinholify.ray_tables import Sight, exact_sight, tabulated_pixels, tabulated_sight
 
 __all__ = [
     "distort_points",
@@ -42,11 +41,9 @@ __all__ = [
 ]
 
 FEWEST_POINTS = 4
-MANY = 20_000
+MANY = 20_000  # points, from which on a table is used
 TOLERANCE = 5e-4  # px
-TABLES = 8  # kept of each kind
-SAMPLES = 12  # along each side of the image, to see which directions it holds
-WIDEST = np.cos(np.deg2rad(80.0))  # from the mean ray; beyond, a plane across it is no place for a first guess
+LEAST_COSINE = np.cos(np.deg2rad(80.0))  # to the mean ray; farther out, points of a plane across it are useless
 
 
 def __dir__() -> list[str]:
@@ -61,10 +58,10 @@ def undistort_points(
     *,
     tolerance: float = TOLERANCE,
 ) -> Floats:
-    """Ideal pinhole points of the image's pixels ``src`` (…, 2), as ``cv2.undistortPoints``.
+    """Ideal pinhole points (…, 2) of the image's pixels ``src`` (…, 2), like ``cv2.undistortPoints``.
 
-    They are normalised, (x/z, y/z), or px of the view whose matrix ``P``, (3, 3) or (3, 4), is given. nan at 90° from
-    the axis of R and beyond.
+    They are normalised, (x/z, y/z), or px of the view whose matrix ``P``, (3, 3) or (3, 4), is given; nan at 90° from
+    the z axis of ``R`` and beyond.
     """
     given, uv = _rows(src, 2)
     return _shaped(_undistorted(uv, _sight(camera, len(uv), tolerance), _rotation(R), _matrix(P)), given, 2)
@@ -83,8 +80,8 @@ def undistort_points_jacobian(
 def undistortion_table(
     camera: VirtualCamera, R: ArrayLike | None = None, P: ArrayLike | None = None, *, tolerance: float = 1e-3
 ) -> Callable[[ArrayLike], Floats]:
-    """:func:`undistort_points` for many points: call the table with ``src``; right to ``tolerance`` px of the image."""
-    sight, turn, matrix = _tabulated_sight(virtual(camera), tolerance), _rotation(R), _matrix(P)
+    """:func:`undistort_points` as a function of ``src``, by a table with an error of at most ``tolerance`` px."""
+    sight, turn, matrix = tabulated_sight(virtual(camera), tolerance), _rotation(R), _matrix(P)
 
     def table(src: ArrayLike) -> Floats:
         given, uv = _rows(src, 2)
@@ -101,7 +98,7 @@ def distort_points(
     *,
     tolerance: float = TOLERANCE,
 ) -> Floats:
-    """Pixels of the image that show ideal pinhole points: the inverse of :func:`undistort_points`.
+    """Pixels (…, 2) of the image that show ideal pinhole points: the inverse of :func:`undistort_points`.
 
     ``undistorted`` (…, 2) are normalised, or px where ``P`` is given, as there.
     """
@@ -124,12 +121,11 @@ def distort_points_jacobian(
 def pixel_rays(
     src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None, *, tolerance: float = TOLERANCE
 ) -> Floats:
-    """Unit directions (…, 3) in which the pixels ``src`` (…, 2) look."""
+    """Unit directions (…, 3) of the rays of the pixels ``src`` (…, 2)."""
     given, uv = _rows(src, 2)
     turn = _rotation(R)
-    return _shaped(
-        _seen(_sight(camera, len(uv), tolerance), uv, np.empty((len(uv), 3)), lambda rays: rays @ turn.T), given, 3
-    )
+    rays = _sight(camera, len(uv), tolerance).map(uv, np.empty((len(uv), 3)), lambda rays: rays @ turn.T)
+    return _shaped(rays, given, 3)
 
 
 def pixel_rays_jacobian(src: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None) -> Floats:
@@ -146,10 +142,10 @@ def pixel_rays_jacobian(src: ArrayLike, camera: VirtualCamera, R: ArrayLike | No
 def project_points(
     objectPoints: ArrayLike, rvec: ArrayLike, tvec: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None
 ) -> tuple[Floats, Floats]:
-    """Pixels (…, 2) of ``objectPoints`` (…, 3) at the pose ``rvec`` (3,), ``tvec`` (3,), as ``cv2.projectPoints``.
+    """Pixels (…, 2) of ``objectPoints`` (…, 3) at the pose ``rvec`` (3,), ``tvec`` (3,), like ``cv2.projectPoints``.
 
-    The second answer is their derivative (2N, 6) by rvec and tvec, rows u and v in turn; OpenCV's further columns, by
-    the numbers of its lens formula, have no counterpart. ``tvec`` is in the unit of the points.
+    The second result is their derivative (2N, 6) by rvec and tvec, with alternating rows u and v; OpenCV's further
+    columns, for the parameters of its lens model, have no counterpart. ``tvec`` is in the unit of the points.
     """
     given, points = _rows(objectPoints, 3)
     vector, turn = _vector(rvec, "rvec"), _rotation(R)
@@ -175,11 +171,11 @@ def project_points_jacobian(
 def solve_pnp(
     objectPoints: ArrayLike, imagePoints: ArrayLike, camera: VirtualCamera, R: ArrayLike | None = None
 ) -> tuple[bool, Floats, Floats]:
-    """The pose of ``objectPoints`` (…, 3) seen at the pixels ``imagePoints`` (…, 2), as ``cv2.solvePnP``.
+    """The pose of ``objectPoints`` (…, 3) seen at the pixels ``imagePoints`` (…, 2), like ``cv2.solvePnP``.
 
-    Returns True, rvec (3, 1) and tvec (3, 1) in the unit of the points: of least squared px residuals, on a plane or
-    not, and however wide the lens. Raises InputError for fewer than four points, for as many pixels as there are not
-    points, and where the points determine no pose.
+    Returns True, rvec (3, 1), and tvec (3, 1) in the unit of the points. The pose minimises the squared residuals in
+    px, for coplanar points or not, and for any field of view. Raises InputError for fewer than four points, if the
+    numbers of points and pixels differ, and if the points do not determine a pose.
     """
     points, uv = _rows(objectPoints, 3)[1], _rows(imagePoints, 2)[1]
     if len(points) != len(uv):
@@ -196,23 +192,26 @@ def solve_pnp(
 
 
 def _first_pose(points: Floats, directions: Floats) -> Pose:
-    """A pose by SQPnP (Terzakis & Lourakis, 2020) in a plane across the mean ray, the points scaled to size one."""
+    """A pose by SQPnP (Terzakis & Lourakis, 2020) in a plane across the mean ray, with the points scaled to size 1."""
     import cv2
 
     middle = points.mean(axis=0)
     scale = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
     if np.linalg.matrix_rank(points - middle, tol=1e-9 * scale) < 2:
-        raise InputError("the points lie on one line, which determines no pose; give points that span a plane")
+        raise InputError("the points lie on one line, which does not determine a pose; give points that span a plane")
     turn = Rotation.align_vectors([[0.0, 0.0, 1.0]], [directions.mean(axis=0)])[0].as_matrix()
     local = directions @ turn.T
-    usable = local[:, 2] > WIDEST
+    usable = local[:, 2] > LEAST_COSINE
     if usable.sum() < FEWEST_POINTS:
-        raise InputError("the pixels look in all directions at once, where no first pose is found; give fewer")
+        raise InputError(
+            f"fewer than {FEWEST_POINTS} pixels are within 80 degrees of their mean direction, so that no initial pose "
+            "can be found; give pixels from a smaller part of the image"
+        )
     plane, normalised = local[usable, :2] / local[usable, 2:], (points[usable] - middle) / scale
     try:
         _, rvec, tvec = cv2.solvePnP(normalised, plane, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
     except cv2.error:
-        raise InputError("the points determine no pose; give more of them, farther apart") from None
+        raise InputError("the points do not determine a pose; give more of them, farther apart") from None
     rotation = turn.T @ Rotation.from_rotvec(rvec[:, 0]).as_matrix()
     return Pose(rotation, scale * (turn.T @ tvec[:, 0]) - rotation @ middle)
 
@@ -221,7 +220,7 @@ def _first_pose(points: Floats, directions: Floats) -> Pose:
 
 
 def _rows(values: ArrayLike, dimensions: int) -> tuple[tuple[int, ...], Floats]:
-    """The shape without its last axis, and the points as rows (N, dimensions)."""
+    """The shape of ``values`` without its last axis, and the points as rows (N, dimensions)."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -229,7 +228,7 @@ def _rows(values: ArrayLike, dimensions: int) -> tuple[tuple[int, ...], Floats]:
     if array.ndim < 1 or array.shape[-1] != dimensions:
         raise InputError(
             f"points of shape {array.shape} were given where (N, {dimensions}), (N, 1, {dimensions}) or "
-            f"(1, N, {dimensions}) is needed; look at the last axis"
+            f"(1, N, {dimensions}) is needed; check the last axis"
         )
     return array.shape[:-1], array.reshape(-1, dimensions)
 
@@ -250,7 +249,7 @@ def _matrix(P: ArrayLike | None) -> Floats:
     if matrix.shape not in ((3, 3), (3, 4)):
         raise InputError(f"P of shape {matrix.shape} was given where (3, 3) or (3, 4) is needed; give a camera matrix")
     if not np.linalg.det(matrix[:, :3]):
-        raise InputError("P is a matrix that has no inverse; give a camera matrix, with focal lengths that are not 0")
+        raise InputError("P has no inverse; give a camera matrix, with focal lengths other than 0")
     return matrix[:, :3]
 
 
@@ -260,6 +259,16 @@ def _vector(values: ArrayLike, name: str) -> Floats:
     if vector.size != 3:
         raise InputError(f"{name} of shape {vector.shape} was given where (3,), (3, 1) or (1, 3) is needed")
     return vector.ravel()
+
+
+def _sight(camera: VirtualCamera, count: int, tolerance: float) -> Sight:
+    """The camera's own map, or for many pixels its table."""
+    many = count >= MANY and tolerance > 0.0
+    return tabulated_sight(virtual(camera), tolerance) if many else exact_sight(virtual(camera))
+
+
+def _undistorted(uv: Floats, sight: Sight, turn: Floats, matrix: Floats) -> Floats:
+    return sight.map(uv, np.empty_like(uv), lambda rays: _on_plane((turn @ rays.T).T, matrix))
 
 
 def _on_plane(rays: Floats, matrix: Floats) -> Floats:
@@ -277,19 +286,19 @@ def _plane_jacobian(rays: Floats, matrix: Floats) -> Floats:
 
 
 def _posed(points: Floats, vector: Floats, shift: Floats, turn: Floats) -> tuple[Floats, Floats]:
-    """``points`` (n, 3) turned into the camera's frame, and shifted too."""
+    """``points`` (n, 3) rotated into the camera's frame, and rotated and shifted."""
     turned = points @ (turn.T @ Rotation.from_rotvec(vector).as_matrix()).T
     return turned, turned + turn.T @ shift
 
 
 def _project(camera: VirtualCamera, xyz: Floats, tolerance: float) -> Floats:
     if len(xyz) >= MANY and tolerance > 0.0:
-        return _pixels_of(virtual(camera), xyz, tolerance)
+        return tabulated_pixels(virtual(camera), xyz, tolerance)
     return virtual(camera).project(xyz) if len(xyz) else np.empty((0, 2))
 
 
 def _projection_jacobian(camera: VirtualCamera, uv: Floats, xyz: Floats) -> Floats:
-    """∂uv/∂xyz (n, 2, 3) at points that are seen at ``uv``; nan where they are not."""
+    """∂uv/∂xyz (n, 2, 3) at points ``xyz`` (n, 3) seen at ``uv`` (n, 2); nan where they are not visible."""
     jacobian = np.full((len(uv), 2, 3), np.nan)
     known = np.isfinite(uv).all(axis=1)
     if known.any():
@@ -299,7 +308,7 @@ def _projection_jacobian(camera: VirtualCamera, uv: Floats, xyz: Floats) -> Floa
 
 
 def _left_jacobian(vector: Floats) -> Floats:
-    """How a turn follows a change of its rotation vector (3,): exp(v + dv) = exp(J dv) exp(v), to first order.
+    """The left Jacobian (3, 3) of a rotation vector (3,): exp(v + dv) = exp(J dv) exp(v) to first order.
 
     J = 1 + (1 − cos θ)/θ² [v]× + (θ − sin θ)/θ³ [v]×², θ = |v| (Chirikjian, *Stochastic Models*, vol. 2, 10.6).
     """
@@ -309,119 +318,3 @@ def _left_jacobian(vector: Floats) -> Floats:
         return np.asarray(np.eye(3) + cross / 2.0 + cross @ cross / 6.0)
     first = (1.0 - np.cos(theta)) / theta**2
     return np.asarray(np.eye(3) + first * cross + (theta - np.sin(theta)) / theta**3 * cross @ cross)
-
-
-# --- tables ------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sight:
-    """What pixels (n, 2) see: ``coordinates`` (n, 2) of rays, which ``directions`` makes unit vectors (n, 3) of."""
-
-    coordinates: PointMap
-    directions: Callable[[Floats], Floats]
-
-
-def _sight(camera: VirtualCamera, count: int, tolerance: float) -> _Sight:
-    """The camera's own map, or for many pixels the table of what it says."""
-    if count >= MANY and tolerance > 0.0:
-        return _tabulated_sight(virtual(camera), tolerance)
-    return _Sight(partial(_coordinates, virtual(camera)), camera.chart.directions)
-
-
-def _coordinates(camera: VirtualCamera, uv: Floats) -> Floats:
-    """Chart coordinates of pixels; nan for those that are no numbers."""
-    q, known = np.full(uv.shape, np.nan), np.isfinite(uv).all(axis=1)
-    if known.any():
-        q[known] = camera.plane_map.value(uv[known])
-    return q
-
-
-@lru_cache(maxsize=TABLES)
-def _tabulated_sight(camera: VirtualCamera, tolerance: float) -> _Sight:
-    """Stereographic coordinates, which a table holds far better than those of a plane: they have no end at 90°."""
-    sphere = _sphere(camera)
-
-    def coordinates(uv: Floats) -> Floats:
-        return sphere.coordinates(camera.chart.directions(_coordinates(camera, uv)))
-
-    return _Sight(point_table(coordinates, camera.image_size, tolerance=tolerance), sphere.directions)
-
-
-def _seen(sight: _Sight, uv: Floats, out: Floats, finish: Callable[[Floats], Floats]) -> Floats:
-    """``out`` (n, m) with what ``finish`` makes of the directions (n, 3) of pixels ``uv`` (n, 2), block by block."""
-    coordinates = sight.coordinates(uv)
-    for start in range(0, len(uv), BLOCK):
-        block = slice(start, start + BLOCK)
-        out[block] = finish(sight.directions(coordinates[block]))
-    return out
-
-
-def _undistorted(uv: Floats, sight: _Sight, turn: Floats, matrix: Floats) -> Floats:
-    return _seen(sight, uv, np.empty_like(uv), lambda rays: _on_plane((turn @ rays.T).T, matrix))
-
-
-def _pixels_of(camera: VirtualCamera, xyz: Floats, tolerance: float) -> Floats:
-    """Pixels (n, 2) of directions ``xyz`` (n, 3), by table."""
-    box = _box(camera)
-    return _pixel_table(camera, tolerance)((_sphere(camera).coordinates(xyz) - box.low) / box.px)
-
-
-@lru_cache(maxsize=TABLES)
-def _pixel_table(camera: VirtualCamera, tolerance: float) -> PointTable:
-    """Pixels of stereographic coordinates, these counted as in :class:`_Box`."""
-    sphere, box = _sphere(camera), _box(camera)
-
-    def pixels(place: Floats) -> Floats:
-        return camera.project(sphere.directions(place * box.px + box.low))
-
-    return point_table(pixels, camera.image_size, tolerance=tolerance, of_answer=True)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sphere:
-    """Stereographic coordinates about the middle of what a camera sees: smooth all around, but straight behind.
-
-    ``rotation`` (3, 3) takes directions to where that middle is the z axis.
-    """
-
-    rotation: Floats
-
-    def coordinates(self, xyz: Floats) -> Floats:
-        """(x, y) / (‖xyz‖ + z), (n, 2)."""
-        x, y, z = self.rotation @ xyz.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.stack([x, y], axis=1) / (np.sqrt(x**2 + y**2 + z**2) + z)[:, None])
-
-    def directions(self, s: Floats) -> Floats:
-        """Unit vectors (n, 3)."""
-        x, y = s.T
-        square = x**2 + y**2
-        return np.asarray((self.rotation.T @ (np.stack([2.0 * x, 2.0 * y, 1.0 - square]) / (1.0 + square))).T)
-
-
-@lru_cache(maxsize=TABLES)
-def _sphere(camera: VirtualCamera) -> _Sphere:
-    directions = _across_the_image(camera)
-    return _Sphere(Rotation.align_vectors([[0.0, 0.0, 1.0]], [np.nanmean(directions, axis=0)])[0].as_matrix())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Box:
-    """What a camera sees in its :class:`_Sphere`'s coordinates: ``low`` (2,) are the least, ``px`` (2,) make a px."""
-
-    low: Floats
-    px: Floats
-
-
-@lru_cache(maxsize=TABLES)
-def _box(camera: VirtualCamera) -> _Box:
-    seen = _sphere(camera).coordinates(_across_the_image(camera))
-    low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
-    return _Box(low, (high - low) / camera.image_size)
-
-
-def _across_the_image(camera: VirtualCamera) -> Floats:
-    """Unit directions (n, 3) of pixels all over the image."""
-    u, v = (np.linspace(-0.5, n - 0.5, SAMPLES) for n in camera.image_size)
-    return camera.chart.directions(camera.plane_map.value(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)))

@@ -1,13 +1,13 @@
-"""Smooth surfaces of evenly spaced control points, and the map of an image that one makes.
+"""Spline surfaces with evenly spaced control points, and camera maps made of them.
 
-They carry what other programs know of a camera into ours and back: an imported camera's map, and mrcal's splined
-model. Surfaces are linear in their control points, so a fit is one sparse solve.
+They are used to import and export cameras of other programs: an imported camera's map, and mrcal's splined model.
+Surfaces are linear in their control points, so a fit is one sparse solve.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -17,18 +17,18 @@ from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.geometry import ConvexRegion
 from pinholify.gp.maps import Nearby, newton_inverse
 
-SMOOTHING = 1e-9  # of the mean weight of a control point: felt only where there are no data
+SMOOTHING = 1e-9  # of the mean weight of a control point: only effective where there are no data
 
-WORST_PLACES, CLOSER_LOOKS = 200, 3
+WORST_PLACES, CLOSER_LOOKS = 200, 3  # points around which errors are evaluated more finely, and how often
 AROUND = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), axis=-1).reshape(-1, 2) / 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SplineSurface:
-    """A uniform B-spline surface of ``degree`` 2 or 3: points of the plane → ``control``'s m numbers.
+    """A uniform B-spline surface of ``degree`` 2 or 3 from points of the plane to m values.
 
-    ``control`` (rows, columns, m) has its first point at ``origin`` (2,) and the next ones ``spacing`` (2,) further
-    along x and y. Beyond the outermost control points but one the nearest patch's polynomial goes on.
+    The first of the control points ``control`` (rows, columns, m) is at ``origin`` (2,), the others at steps of
+    ``spacing`` (2,) along x and y. Beyond the last but one control points the nearest patch's polynomial continues.
     """
 
     origin: Floats
@@ -41,7 +41,7 @@ class SplineSurface:
         object.__setattr__(self, "spacing", frozen(self.spacing, (2,)))
         object.__setattr__(self, "control", frozen(self.control, (None, None, None)))
         if self.degree not in WEIGHTS:
-            raise ValueError(f"splines of degree {self.degree} were asked for where 2 and 3 are known")
+            raise ValueError(f"a spline of degree {self.degree} was requested; the degree must be 2 or 3")
         if min(self.control.shape[:2]) <= self.degree:
             raise ValueError(f"{self.control.shape[:2]} control points are too few for degree {self.degree}")
 
@@ -105,8 +105,8 @@ WEIGHTS = {2: _quadratic, 3: _cubic}
 def fitted(empty: SplineSurface, p: Floats, values: Floats) -> SplineSurface:
     """``empty`` with the control points that fit ``values`` (n, m) at ``p`` (n, 2) by least squares.
 
-    Where there are no data the surface goes on straight: second differences of the control points are lightly held
-    down (P-splines, Eilers & Marx 1996).
+    Where there are no data the surface continues straight: second differences of the control points are lightly
+    penalised (P-splines, Eilers & Marx 1996).
     """
     design = empty.design(p)
     normal = design.T @ design
@@ -116,7 +116,7 @@ def fitted(empty: SplineSurface, p: Floats, values: Floats) -> SplineSurface:
     )
     light = SMOOTHING * normal.diagonal().mean()
     control = spsolve((normal + light * bending).tocsc(), design.T @ values)
-    return SplineSurface(empty.origin, empty.spacing, control.reshape(rows, columns, -1), empty.degree)
+    return replace(empty, control=control.reshape(rows, columns, -1))
 
 
 def _bending(count: int) -> sparse.csr_array:
@@ -126,10 +126,10 @@ def _bending(count: int) -> sparse.csr_array:
 
 
 def worst_places(error: Callable[[Floats], Floats], grid: Floats, spacing: float) -> Floats:
-    """Places (n, 2) around those of a ``grid`` (m, 2) where ``error`` is largest, close enough to know how large.
+    """Points (n, 2) around those of a ``grid`` (m, 2) at which ``error`` is largest, dense enough to find its maximum.
 
-    ``error`` takes places (k, 2) to (k,), nan where none counts. A fit errs most between its data and at their border,
-    where no grid of a given ``spacing`` falls: these places stand 64 times closer.
+    ``error`` maps points (k, 2) to errors (k,), nan where they do not count. A fit is worst between its data and at
+    their border, which a grid of a given ``spacing`` misses: the spacing of these points is 64 times smaller.
     """
     places = grid
     for _ in range(CLOSER_LOOKS):
@@ -140,7 +140,7 @@ def worst_places(error: Callable[[Floats], Floats], grid: Floats, spacing: float
 
 
 def rounded_up(value: float) -> str:
-    """A positive ``value`` as text of two digits that does not say less, so that it stays a bound."""
+    """A positive ``value`` as text with two significant digits, rounded up, so that it remains an upper bound."""
     step = 10.0 ** (np.floor(np.log10(value)) - 1.0)
     return f"{np.ceil(value / step * (1.0 - 1e-12)) * step:.2g}"
 
@@ -149,9 +149,9 @@ def rounded_up(value: float) -> str:
 class SplineMap:
     """A :class:`pinholify.gp.maps.PlaneMap` taken from another program's camera: q by a ``surface`` over the image.
 
-    ``std_px`` is the rms error per axis, in px, with which the surface repeats that camera. It is all that is known
-    of the map's uncertainty: how well the camera itself was calibrated is not. Pixels outside ``known`` are nan: that
-    camera sees nothing there, or nobody looked. Where it is None the surface goes on without end.
+    ``std_px`` is the RMS error per axis, in px, with which the surface reproduces that camera; how well that camera was
+    calibrated is not known. Pixels outside ``known`` are nan: that camera sees nothing there, or has no data. If it is
+    None, the surface is extrapolated without limit.
     """
 
     surface: SplineSurface
@@ -159,7 +159,7 @@ class SplineMap:
     known: ConvexRegion | None = None
 
     def value(self, uv: Floats) -> Floats:
-        """q (n, 2)."""
+        """q (n, 2) of pixels ``uv`` (n, 2)."""
         return np.where(self._sees(uv)[:, None], self.surface.value(uv), np.nan)
 
     def jacobian(self, uv: Floats) -> Floats:
@@ -167,25 +167,25 @@ class SplineMap:
         return np.where(self._sees(uv)[:, None, None], self.surface.jacobian(uv), np.nan)
 
     def covariance(self, uv: Floats) -> Floats:
-        """That of a shift of the pixel by ``std_px`` along each axis, (n, 2, 2)."""
+        """Covariance (n, 2, 2) of q for a pixel shifted by ``std_px`` along each axis."""
         jacobian = self.jacobian(uv)
         return np.asarray(self.std_px**2 * jacobian @ jacobian.transpose(0, 2, 1))
 
     def covariance_up_to_turn(self, uv: Floats) -> Floats:
-        """The covariance itself: the fit turns nothing."""
+        """The same as :meth:`covariance`: the fit includes no rotation."""
         return self.covariance(uv)
 
     def virtual_covariance(self, uv: Floats) -> None:
-        """None: K is the other program's, without error of its own."""
+        """None: K is taken from the other program without an uncertainty."""
         return
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
-        """uv (n, 2) of ``q``, by Newton's method, whose steps may lead outside what is known and back."""
+        """uv (n, 2) of ``q`` (n, 2) by Newton's method, whose steps may leave ``known`` and return."""
         uv = newton_inverse(self.surface, q, *nearby(q))
         return np.where(self._sees(uv)[:, None], uv, np.nan)
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
-        """Zero (draws, n, 2): the data were another program's formula, without noise."""
+        """Zeros (draws, n, 2): the data came from another program's model, without noise."""
         return np.zeros((draws, *uv.shape))
 
     def _sees(self, uv: Floats) -> Bools:

@@ -1,14 +1,14 @@
-"""A smooth map of the image kept as a table of cells: tens of millions of points a second.
+"""A smooth map of the image as a table of cells: tens of millions of points per second.
 
 Each cell holds the biquadratic polynomial through nine values (Abramowitz & Stegun, 25.2.11, along both axes). Where
-the map bends more, cells are smaller: the image is divided into tiles and each of them into as many cells as it needs.
-The values come from Chebyshev expansions of parts of the image, so the map itself is asked for few of them. What a
-table cannot hold to its tolerance, and what lies outside the image, is asked of the map itself.
+the map bends more, cells are smaller: the image is divided into tiles, and each tile into as many cells as it needs.
+The values come from Chebyshev expansions of parts of the image, so the map itself is evaluated rarely. Where the table
+does not reach its tolerance, and outside the image, the map itself is evaluated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,52 +16,49 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinholify.arrays import Bools, Floats, Ints
-from pinholify.expansion import NODES, chebyshev, nodes, tail, to_coefficients
+from pinholify.expansion import NODES, PointMap, chebyshev, nodes, tail, to_coefficients
 
 HALVINGS = 6
-"""How often the image is halved along both axes, down to a tile."""
+"""How often the image is halved along both axes to give a tile."""
 
 TILES = 1 << HALVINGS
-"""Along each side of the image."""
+"""Tiles along each side of the image."""
 
 MOST_SPLITS, MOST_CELLS = 16, 512
-"""Cells along a side of a tile, and of a part of the image that one expansion holds, at most."""
+"""Most cells along a side of a tile, and of a part of the image that one expansion covers."""
 
-EXPANSION = 0.5
-"""Share of the tolerance that the highest orders of an expansion may come to; its error is a tenth of them or less."""
+TAIL_SHARE = 0.5
+"""Share of the tolerance that the highest orders of an expansion may reach; its error is a tenth of them or less."""
 
 AT_ONCE = 8
-"""Expansions that are made at a time."""
+"""Expansions made at a time."""
 
 BLOCK = 8192
-"""Points looked up at a time: what this many need stays in the processor's cache."""
+"""Points looked up at a time: their data stay in the processor's cache."""
 
 MONOMIALS = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
 """Values at 0, ½ and 1 → coefficients of 1, x and x²."""
 
 QUARTER = np.array([1.0, 1.0 / 4.0, 1.0 / 16.0]) @ MONOMIALS
-"""Values at 0, ½ and 1 → that of the quadratic at ¼."""
+"""Values at 0, ½ and 1 → value of the quadratic at ¼."""
 
-WORST = 16.0 / (9.0 * np.sqrt(3.0))
-"""How much larger than at ¼ a quadratic's error is where it is largest, at ½ − ½/√3."""
+WORST_ERROR_RATIO = 16.0 / (9.0 * np.sqrt(3.0))
+"""Largest error of a quadratic, at ½ − ½/√3, ÷ its error at ¼."""
 
 HALF_NODES = np.stack(np.meshgrid(nodes(), nodes()), axis=-1).reshape(-1, 2) / 2.0
 """Chebyshev nodes of a square of side 1 around the origin, row by row."""
 
-PointMap = Callable[[Floats], Floats]
-"""(n, 2) px → (n, 2), nan where there is no answer."""
-
 Complexes = NDArray[np.complex128]
-"""A map's two answers are one complex number here, so that both are worked out in one go."""
+"""A map's two values as one complex number, so that both are computed at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointTable:
-    """``exact`` over an image of ``image_size`` (width, height) px, tabulated; call it with pixels (…, 2).
+    """The map ``exact`` (n, 2) → (n, 2), tabulated over an image of ``image_size`` (width, height) px.
 
-    ``splits`` (TILES²,) says of each tile, row by row, into how many cells its sides are divided, ``first`` (TILES²,)
-    which is the first of them. ``cells`` (n, 9) are each cell's coefficients for 1, x, x², y, xy, x²y, y², xy², x²y²;
-    nan where ``exact`` is to be asked.
+    ``splits`` (TILES²,) is the number of cells along each side of each tile, row by row, ``first`` (TILES²,) the
+    position of the tile's first cell. ``cells`` (n, 9) are each cell's coefficients of 1, x, x², y, xy, x²y, y², xy²,
+    x²y²; nan where ``exact`` has to be evaluated.
     """
 
     exact: PointMap
@@ -71,7 +68,7 @@ class PointTable:
     cells: Complexes
 
     def __call__(self, src: ArrayLike) -> Floats:
-        """What ``exact`` says of the pixels ``src`` (…, 2), in their shape, within the table's tolerance."""
+        """``exact`` of the pixels ``src`` (…, 2), in their shape, within the table's tolerance."""
         given = np.asarray(src, dtype=np.float64)
         uv = given.reshape(-1, 2)
         found = np.empty(len(uv), dtype=np.complex128)
@@ -84,7 +81,7 @@ class PointTable:
         return out.reshape(given.shape)
 
     def _look_up(self, uv: Floats) -> Complexes:
-        """The table's answer (n,) to ``uv`` (n, 2); nan outside the image."""
+        """The table's values (n,) at ``uv`` (n, 2); nan outside the image."""
         x, y = (uv[:, k] * (TILES / n) + 0.5 * TILES / n for k, n in enumerate(self.image_size))
         outside = ~((x >= 0) & (x < TILES) & (y >= 0) & (y < TILES))
         x[outside] = y[outside] = 0.0
@@ -101,7 +98,7 @@ class PointTable:
 
 
 def _whole(x: Floats) -> Ints:
-    """The whole parts of ``x`` (n,), which keeps the rest."""
+    """The integer parts of ``x`` (n,), in which the fractions remain."""
     whole = x.astype(np.intp)
     x -= whole
     return whole
@@ -119,10 +116,10 @@ def _quadratic(coefficients: list[Complexes], x: Floats) -> Complexes:
 def point_table(
     exact: PointMap, image_size: tuple[int, int], *, tolerance: float = 1e-3, of_answer: bool = False
 ) -> PointTable:
-    """A table of ``exact``, right to ``tolerance`` px of the image: of the largest cells that are so good.
+    """A table of ``exact`` with an error of at most ``tolerance`` px of the image, with cells as large as possible.
 
-    An error of the answer counts as the shift of the pixel that would cause it, or, if ``of_answer``, as it is. What is
-    left beyond the tolerance is not tabulated.
+    The error of a value is converted to the shift of the pixel that would cause it, or used directly if ``of_answer``.
+    Where the tolerance is not reached, the table is empty.
     """
     splits, first = np.ones((TILES, TILES), np.intp), np.zeros((TILES, TILES), np.intp)
     parts, count = [np.full((1, 9), np.nan + 0j)], 1
@@ -140,7 +137,10 @@ def point_table(
 
 @dataclass(frozen=True, slots=True)
 class _Square:
-    """The part of the image in ``row`` and ``column`` once it has been halved ``halvings`` times along both axes."""
+    """The part of the image in ``row`` and ``column`` of those made by halving it ``halvings`` times along both axes.
+
+    ``side`` (width, height) is in px.
+    """
 
     halvings: int
     row: int
@@ -149,12 +149,12 @@ class _Square:
 
     @property
     def tiles(self) -> int:
-        """Along each side."""
+        """Tiles along each side."""
         return TILES >> self.halvings
 
     @property
     def place(self) -> tuple[slice, slice]:
-        """Its tiles."""
+        """Rows and columns of its tiles."""
         n = self.tiles
         return slice(self.row * n, (self.row + 1) * n), slice(self.column * n, (self.column + 1) * n)
 
@@ -164,7 +164,7 @@ class _Square:
         return np.asarray((middle + HALF_NODES) * self.side - 0.5)
 
     def quarters(self) -> list[_Square]:
-        """Four that make up this one; none of a single tile."""
+        """The four squares that make up this one; none if it is a single tile."""
         if not self.halvings < HALVINGS:
             return []
         half = self.side[0] / 2.0, self.side[1] / 2.0
@@ -178,7 +178,7 @@ class _Square:
 def _expansions(
     exact: PointMap, image_size: Floats, tolerance: float, of_answer: bool
 ) -> Iterator[tuple[_Square, Complexes]]:
-    """The squares where an expansion holds, and its coefficients (NODES, NODES)."""
+    """The squares where an expansion converges, and its coefficients (NODES, NODES)."""
     squares = [_Square(0, 0, 0, (float(image_size[0]), float(image_size[1])))]
     while squares:
         some, squares = squares[:AT_ONCE], squares[AT_ONCE:]
@@ -187,14 +187,14 @@ def _expansions(
             expanded = to_coefficients(values.reshape(len(some), NODES, NODES, 2))
         for square, coefficients in zip(some, expanded, strict=True):
             px = 1.0 if of_answer else _px(coefficients, square)
-            if tail(coefficients) <= EXPANSION * tolerance * px:  # not if any value is nan
+            if tail(coefficients) <= TAIL_SHARE * tolerance * px:  # not if any value is nan
                 yield square, coefficients[0] + 1j * coefficients[1]
             else:
                 squares += square.quarters()
 
 
 def _px(coefficients: Floats, square: _Square) -> float:
-    """About how much a px of the image changes the answer in ``square``."""
+    """Approximate change of the map's value per px of the image in ``square``."""
     (u_y, v_y), (u_x, v_x) = coefficients[:, 1, 0], coefficients[:, 0, 1]
     return float(2.0 * np.sqrt(np.abs(u_x * v_y - u_y * v_x) / (square.side[0] * square.side[1])))
 
@@ -205,17 +205,16 @@ def _px(coefficients: Floats, square: _Square) -> float:
 def _enough_cells(
     coefficients: Complexes, square: _Square, tolerance: float, of_answer: bool
 ) -> Iterator[tuple[int, Bools, Complexes]]:
-    """The largest cells that hold an expansion to the tolerance; nan where none do.
+    """The largest cells that represent an expansion within the tolerance; nan where none do.
 
-    Into how many along a side some tiles of ``square`` are split, which tiles those are, and their cells, one after the
-    other.
+    Yields a number of cells along a side, the tiles of ``square`` (n, n) that are split so, and their cells (m, 9).
     """
     n, each = square.tiles, 1
     left = np.ones((n, n), dtype=bool)
     while left.any():
         along = _along(n * each)
         error = _cell_errors(coefficients, along, None if of_answer else square.side)
-        good = (WORST * error <= tolerance).reshape(n, each, n, each).swapaxes(1, 2)
+        good = (WORST_ERROR_RATIO * error <= tolerance).reshape(n, each, n, each).swapaxes(1, 2)
         final = 2 * each > MOST_SPLITS or 2 * n * each > MOST_CELLS
         tiles = left & (final | good.all(axis=(2, 3)))
         if tiles.any():
@@ -230,10 +229,10 @@ def _enough_cells(
 
 
 def _cell_errors(coefficients: Complexes, along: _Along, side: tuple[float, float] | None) -> Floats:
-    """Each cell's error (n, n): in px where ``side`` (width, height) is the square's in px, else as the answer is.
+    """Each cell's error (n, n): in px of the image if ``side`` is the square's (width, height), else that of the value.
 
-    A quadratic errs most close to a quarter of its way, and with the other sign at three quarters: errors along both
-    axes add up at one of two places.
+    A quadratic's error is largest near a quarter of the cell, and of opposite sign near three quarters: the errors
+    along both axes add up at one of two points.
     """
     n = len(along.half)
     error = along.fitted @ coefficients @ along.fitted[:n].T - along.truth @ coefficients @ along.truth[:n].T
@@ -246,11 +245,11 @@ def _cell_errors(coefficients: Complexes, along: _Along, side: tuple[float, floa
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Along:
-    """What expansions say along a side of a square of n cells: matrices (…, NODES) for their coefficients.
+    """Matrices (…, NODES) that evaluate expansions along a side of a square of n cells.
 
-    ``monomials`` (n, 3, …) give each cell's coefficients of 1, x and x²; ``truth`` (2n, …) the values at a quarter of
-    each cell, then at three, and ``fitted`` what the quadratics say there; ``half`` (n, …) the values in the middle,
-    ``rise`` (n, …) the change from end to end.
+    ``monomials`` (n, 3, …) gives each cell's coefficients of 1, x and x²; ``truth`` (2n, …) the values at a quarter of
+    each cell, then at three quarters, and ``fitted`` those of the quadratics there; ``half`` (n, …) the values at the
+    middle, and ``rise`` (n, …) the change from end to end.
     """
 
     monomials: Complexes
@@ -274,7 +273,7 @@ def _along(count: int) -> _Along:
 
 
 def _components(value: Complexes, first: Complexes, second: Complexes) -> tuple[Floats, Floats]:
-    """The real a and b with a ``first`` + b ``second`` = ``value``, by Cramer's rule; not finite where none are."""
+    """The real a and b with a ``first`` + b ``second`` = ``value``, by Cramer's rule; not finite where none exist."""
     with np.errstate(invalid="ignore", divide="ignore"):
         area = (first.conj() * second).imag
         return (value.conj() * second).imag / area, (first.conj() * value).imag / area

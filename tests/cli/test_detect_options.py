@@ -42,7 +42,7 @@ def test_the_photographs_tell_the_size(run, cut):
 def test_a_part_tells_no_size(run, cut):
     result = run("detect", cut / "part.png", "--board", "auto")
     assert result.status == 1
-    assert "no checkerboard is seen whole in 1 image" in result.sentence
+    assert "no complete checkerboard is visible in 1 image" in result.sentence
     assert "or name the board if it is of another kind" in result.sentence
 
 

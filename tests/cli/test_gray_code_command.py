@@ -99,7 +99,7 @@ def test_a_missing_folder_is_one_sentence(studio, tmp_path, capsys):
     assert main([*arguments, "-o", str(tmp_path / "c.csv")]) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "is no folder; give a folder with the captures" in error
+    assert "is not a folder; give a folder with the captures" in error
 
 
 def test_photographs_of_a_screen_are_no_photographs_of_corners(studio, capsys):

@@ -39,9 +39,9 @@ def test_images_of_the_mode_and_of_no_other_are_straightened(run, refused, half,
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--size", "320x200"], "have not the proportions"),
-        (["--crop", "100,0,600x480"], "is no part of the camera's image of 640x480"),
-        (["--bin", "1000"], "give a whole factor from 1 to 480"),
+        (["--size", "320x200"], "do not have the proportions"),
+        (["--crop", "100,0,600x480"], "is not inside the camera's image of 640x480"),
+        (["--bin", "1000"], "give an integer factor from 1 to 480"),
     ],
 )
 def test_no_mode_of_the_sensor(words, sentence, refused, camera, tmp_path):

@@ -189,7 +189,7 @@ def test_descriptions_and_places():
     ("text", "words"),
     [
         ("aprilgrid:6x6", "write tags"),
-        ("aprilgrid:6x6:t36h11:0.3", "no family"),
+        ("aprilgrid:6x6:t36h11:0.3", "unknown family"),
         ("aprilgrid:6x6:tag25h9:0.3", "needs 36 tags"),
         ("aprilgrid:1x6:tag36h11:0.3", "at least 2x2"),
         ("aprilgrid:6x6:tag36h11:1.3", "above 0 and at most 1"),
@@ -223,8 +223,9 @@ def shown(size, family="tag36h11"):
     ],
 )
 def test_a_grid_of_another_size_is_refused_with_its_size(size, asked, words):
-    reason = detect_board(shown(size), parse_board(f"aprilgrid:{asked}:tag36h11:0.3")).reason
-    assert words in reason
+    found = detect_board(shown(size), parse_board(f"aprilgrid:{asked}:tag36h11:0.3"))
+    assert words in found.reason
+    assert found.larger_board == ("larger" in words)
 
 
 def test_another_family_is_named():
@@ -238,6 +239,6 @@ def test_a_mistaken_gap_is_refused_with_the_right_one(name, gap):
     lens = Resized(LENSES[name], (720, round(720 * LENSES[name].size[1] / LENSES[name].size[0])))
     image, _ = take(lens, BOARD, board_poses([lens], BOARD, 2, seed=3, margin=0.012, tilt=35)[1])
     reason = detect_board(image, parse_board(f"aprilgrid:6x6:tag36h11:{gap}")).reason
-    said = float(reason.split("stand ")[1].split()[0])
+    said = float(reason.split("between the tags is ")[1].split()[0])
     assert said == pytest.approx(0.3, abs=0.011)
-    assert f"say aprilgrid:6x6:tag36h11:{said:.2f}" in reason
+    assert f"give aprilgrid:6x6:tag36h11:{said:.2f}" in reason

@@ -80,7 +80,7 @@ def test_descriptions_are_read_back():
     ("text", "words"),
     [
         ("charuco:9x7", "write squares"),
-        ("charuco:9x7:DICT_4X4_99:0.5", "no dictionary"),
+        ("charuco:9x7:DICT_4X4_99:0.5", "unknown dictionary"),
         ("charuco:20x20:DICT_4X4_100:0.5", "needs 200 markers"),
         ("charuco:9x7:DICT_4X4_100:1.5", "above 0 and at most 0.98"),
         ("charuco:9x7:DICT_4X4_100:0.99", "white is left around it"),

@@ -119,13 +119,15 @@ def test_a_part_whose_place_the_sheet_shows_has_its_ids(slanted):
 def test_another_grid_is_refused_with_the_reason(slanted):
     board, image, _ = slanted
     smaller = CircleGrid(board.columns, board.rows - 2, board.asymmetric, board.diameter)
-    assert "larger" in detect_board(image, smaller).reason
+    found = detect_board(image, smaller)
+    assert found.larger_board
+    assert "larger" in found.reason
     larger = CircleGrid(board.columns + 1, board.rows, board.asymmetric, board.diameter)
-    assert "cannot be told" in detect_board(image, larger).reason
+    assert "cannot be determined" in detect_board(image, larger).reason
     thinner = CircleGrid(board.columns, board.rows, board.asymmetric, 0.7 * board.diameter)
     reason = detect_board(image, thinner).reason
     assert "of their spacing" in reason
-    said = parse_board(reason.split("say ")[1].split()[0])
+    said = parse_board(reason.split("give ")[1].split()[0])
     assert said.diameter == pytest.approx(board.diameter, rel=0.04)
     assert detect_board(image, said).found
 
@@ -138,7 +140,7 @@ def test_the_other_kind_of_grid_is_named(slanted, asked):
     if asked.asymmetric == board.asymmetric:
         assert reason
     else:
-        assert f"stand as on circles:{board.columns}x{board.rows}" in reason
+        assert f"arranged as on circles:{board.columns}x{board.rows}" in reason
         assert ("asymmetric" in reason.split(",")[0]) == board.asymmetric
 
 

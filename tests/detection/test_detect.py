@@ -3,8 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinholify.board import Checkerboard, parse_board, size
+from pinholify.board import BOARD_KINDS, Checkerboard, parse_board, size
 from pinholify.detection import detect_board, detect_files
+from pinholify.detection.detect import DETECTORS
+from pinholify.errors import BoardError
 from pinholify.io.images import image_paths
 
 DATA = Path(__file__).parents[2] / "../shared/data"
@@ -46,6 +48,16 @@ def test_an_image_without_a_board_gives_a_reason():
     for image in [np.zeros((300, 400), np.uint8), noise]:
         assert "no board of 8x6" in detect_board(image, Checkerboard(8, 6)).reason
     assert "too small" in detect_board(np.zeros((1, 1), np.uint8), Checkerboard(8, 6)).reason
+
+
+def test_every_kind_of_board_but_a_screen_has_its_detector():
+    specs = {"checkerboard": "8x6", "charuco": "charuco:9x7:DICT_4X4_100:0.5", "gray": "gray:640x480",
+             "aprilgrid": "aprilgrid:6x6:tag36h11:0.3", "circles": "circles:7x5"}
+    assert specs.keys() == BOARD_KINDS.keys()
+    boards = {kind: type(parse_board(spec)) for kind, spec in specs.items()}
+    assert set(boards.values()) - DETECTORS.keys() == {boards["gray"]}
+    with pytest.raises(BoardError, match="decode captures of all its patterns"):
+        detect_board(np.zeros((300, 400), np.uint8), parse_board(specs["gray"]))
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real photographs in ../shared/data are not here")

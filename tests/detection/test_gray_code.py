@@ -20,9 +20,9 @@ from pinholify.detection.gray_code import (
     write_patterns,
 )
 from pinholify.detection.gray_code.decode import without_strangers
-from pinholify.detection.gray_code.decoding import decode, shift_between
 from pinholify.detection.gray_code.nodes import fit_nodes
 from pinholify.detection.gray_code.patterns import Pattern, gray_code
+from pinholify.detection.gray_code.screen_map import decode, shift_between
 from pinholify.errors import BoardError, ImageError, InputError
 from pinholify.io.images import write_image
 from pinholify.simulation.photograph import Sensor
@@ -210,7 +210,7 @@ COLUMN = {kind: [Pattern(kind, 0, i) for i in range(9)] for kind in ("bit", "inv
     ("first", "second", "told"),
     [
         (COLUMN["bit"][6], COLUMN["inverse"][6], r"8 \(column-bit6\) and 9 .* do not fit the coarser stripes"),
-        (COLUMN["bit"][8], COLUMN["bit"][7], r"4 \(column-bit8\) and 5 .* no picture and its inverse"),
+        (COLUMN["bit"][8], COLUMN["bit"][7], r"4 \(column-bit8\) and 5 .* not a picture and its inverse"),
         (COLUMN["bit"][8], COLUMN["inverse"][8], "are not shifted as they should be"),
         (COLUMN["bit"][3], COLUMN["wave"][4], r"\(column-wave4\) is not shifted as it should be"),
         (COLUMN["wave"][2], COLUMN["wave"][3], r"\(column-wave2\) and 19 \(column-wave3\) are not shifted"),
@@ -227,7 +227,8 @@ def test_exchanged_captures_are_named(seen, first, second, told):
 
 
 @pytest.mark.parametrize(
-    ("doubled", "told"), [(8, r"9 \(column-bit6-inverse\) are no picture"), (19, r"20 \(column-wave4\) is not shifted")]
+    ("doubled", "told"),
+    [(8, r"9 \(column-bit6-inverse\) are not a picture"), (19, r"20 \(column-wave4\) is not shifted")],
 )
 def test_a_capture_taken_twice_is_named(seen, doubled, told):
     images = [*seen[:doubled], seen[doubled - 1], *seen[doubled + 1 :]]
@@ -280,7 +281,7 @@ def test_a_spacing_too_fine_for_the_camera_is_told_and_the_one_advised_does(seen
     view = decode_captures(as_light(seen), SEQUENCE, spacing=4).corners.views[0]
     assert not view.found
     advised = re.fullmatch(
-        r"\d+ nodes could be decoded; nodes 4 screen px apart have too few pixels .*: say --spacing (\d+) or more",
+        r"\d+ nodes could be decoded; nodes 4 screen px apart have too few .*: give a spacing of (\d+) px or more",
         view.reason,
     )
     again = decode_captures(as_light(seen), SEQUENCE, spacing=int(advised[1])).corners.views[0]
@@ -290,7 +291,7 @@ def test_a_spacing_too_fine_for_the_camera_is_told_and_the_one_advised_does(seen
 @pytest.mark.parametrize("text", ["", "{}", '{"format_version": 1, "screen": 5}', '{"format_version": 2}'])
 def test_a_manifest_that_is_none_is_refused(tmp_path, text):
     (tmp_path / "patterns.json").write_text(text)
-    with pytest.raises(InputError, match="is no list of patterns"):
+    with pytest.raises(InputError, match="is not a list of patterns"):
         read_manifest(tmp_path)
 
 

@@ -48,7 +48,7 @@ def test_less_than_half_of_a_board_without_ends_is_not_taken_for_it(board_image)
     image, _ = board_image(9, 6, homography=shifted((-420, -330), CLOSE @ np.diag([2.0, 2.0, 1.0])))
     corners = detect_board(image, BOARD)
     assert not corners.found
-    assert "which ones cannot be told" in corners.reason
+    assert "which ones cannot be determined" in corners.reason
 
 
 def test_a_hand_before_the_board_hides_no_other_corner(board_image):
@@ -83,8 +83,12 @@ def test_two_boards_in_one_picture(board_image):
 
 def test_another_size_is_named(board_image):
     image, _ = board_image(8, 6)
-    assert detect_board(image, Checkerboard(9, 6)).reason == "the board has 8x6 inner corners, not 9x6"
-    assert "larger than 7x5" in detect_board(image, Checkerboard(7, 5)).reason
+    smaller = detect_board(image, Checkerboard(9, 6))
+    assert smaller.reason == "the board has 8x6 inner corners, not 9x6"
+    assert not smaller.larger_board
+    larger = detect_board(image, Checkerboard(7, 5))
+    assert "larger than 7x5" in larger.reason
+    assert larger.larger_board
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(8, 6), (7, 4), (5, 5), (3, 3)])

@@ -10,7 +10,7 @@ from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import AngleChart, Intrinsics, angles_to_directions, directions_to_angles
 from pinholify.geometry import convex_hull
 from pinholify.rectification.maps import rectification_map, remap, sampler
-from pinholify.rectification.trust import source_mask
+from pinholify.rectification.valid_region import source_mask
 from pinholify.rectification.views import named_view
 from pinholify.simulation.lenses import LENSES, Fisheye, Pinhole, Resized
 

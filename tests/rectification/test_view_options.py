@@ -17,7 +17,7 @@ from pinholify.io.images import read_image, write_image
 from pinholify.rectification import views
 from pinholify.rectification.maps import rectification_map
 from pinholify.rectification.surfaces import Plane
-from pinholify.rectification.trust import source_mask
+from pinholify.rectification.valid_region import source_mask
 from synthetic import SIZE
 
 
@@ -72,7 +72,7 @@ def test_the_face_of_a_cube_and_a_picture_all_around(files, tmp_path):
 
 
 def test_a_width_and_what_to_keep_are_one_too_many(files, tmp_path):
-    assert "cannot both be asked for" in straightened(files, tmp_path, "--fov", "60", "--keep", "valid")
+    assert "cannot both be given" in straightened(files, tmp_path, "--fov", "60", "--keep", "valid")
 
 
 def said(files, folder, *options):

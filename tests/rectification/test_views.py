@@ -18,7 +18,7 @@ from pinholify.rectification.maps import rectification_map, remap
 from pinholify.rectification.rectangle import largest_rectangle
 from pinholify.rectification.straightener import Straightener
 from pinholify.rectification.surfaces import Cylinder, Plane, Sphere
-from pinholify.rectification.trust import believable, source_mask
+from pinholify.rectification.valid_region import source_mask, valid_pixels
 from pinholify.rectification.views import CUBE, SURFACES, View, named_view, share_outside
 
 SIZE = (640, 480)
@@ -192,7 +192,7 @@ def test_the_share_outside_a_view(fisheye):
 def test_nothing_outside_the_image_may_be_believed(fisheye):
     uv = np.array([[5000.0, 5000.0], [-1.0, 0.0], [np.nan, 3.0], [np.inf, 0.0], [0.0, 479.6], [3.0, 3.0]])
     for limit in (None, 10.0):
-        np.testing.assert_array_equal(believable(fisheye, uv, limit), [False] * 5 + [True])
+        np.testing.assert_array_equal(valid_pixels(fisheye, uv, limit), [False] * 5 + [True])
 
 
 @pytest.mark.parametrize("name", ["camera", "cylindrical", "equirectangular"])
@@ -214,11 +214,11 @@ def test_a_picture_without_black_needs_something_to_show(fisheye):
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("camera", {"fov": 175.0}, "at most 170; for more, take the view 'cylindrical'"),
+        ("camera", {"fov": 175.0}, "at most 170; for more, use the view 'cylindrical'"),
         ("equirectangular", {"fov": 361.0}, "at most 360"),
-        ("camera", {"fov": 60.0, "keep": "valid"}, "cannot both be asked for"),
-        ("camera", {"keep": "most"}, "nothing to keep; there are: all, valid"),
-        ("cube-up", {"fov": 60.0}, "90 degrees wide; leave out"),
+        ("camera", {"fov": 60.0, "keep": "valid"}, "cannot both be given"),
+        ("camera", {"keep": "most"}, "unknown value 'most' of keep: choose one of all, valid"),
+        ("cube-up", {"fov": 60.0}, "90 degrees wide; give neither"),
     ],
 )
 def test_what_is_no_view_is_refused(fisheye, name, options, message):
@@ -227,7 +227,7 @@ def test_what_is_no_view_is_refused(fisheye, name, options, message):
 
 
 def test_a_face_that_is_not_square_is_refused(fisheye):
-    with pytest.raises(InputError, match="200x100 was asked for; give a square size"):
+    with pytest.raises(InputError, match="200x100 was requested; give a square size"):
         named_view(fisheye, "cube-up", (200, 100), None)
 
 

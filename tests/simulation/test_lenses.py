@@ -282,7 +282,7 @@ def test_glass_and_mirrors_need_a_centre() -> None:
         WaterPane(water, 1.0, 0.1)
     with pytest.raises(ValueError, match="single centre"):
         Mirror(water, 5.0, 0.1, 0.0, 9.0)
-    with pytest.raises(ValueError, match="hollow"):
+    with pytest.raises(ValueError, match="not convex"):
         Mirror(Pinhole((640, 480), 500.0), 5.0, -0.1, 0.0, 9.0)
 
 

@@ -209,7 +209,7 @@ def test_a_board_that_cannot_be_read_is_said_before_anything_is_sent(open_page: 
     page = open_page()
     page.fill("#board", "nine by six")
     page.set_input_files("#files", photographs[:1])
-    page.wait_for_selector(".notice:has-text('is no board')")
+    page.wait_for_selector(".notice:has-text('is not a board')")
     assert page.is_visible("#drop")
 
 

@@ -1,5 +1,4 @@
-"""Where an image may show chessboard corners: saddle points of the smoothed grey levels with four alternating
-sectors.
+"""Candidate checkerboard corners: saddle points of the smoothed grey levels with four alternating sectors.
 
 The Hessian of a blurred corner I = f(n₁·x) f(n₂·x) is proportional to n₁n₂ᵀ + n₂n₁ᵀ, so its determinant is
 negative, and the two directions in which it vanishes are the corner's edges.
@@ -19,25 +18,24 @@ BLUR = 1.5
 """Standard deviation (px) of the smoothing before second derivatives are taken."""
 
 RING_RADIUS = 4.0
-"""Of the circle (px) on which the sectors are counted: inside squares of 8 px and more."""
+"""Radius (px) of the circle on which the sectors are counted: it stays inside squares of 8 px or more."""
 
 RING_SAMPLES = 32
 
-MOST = 20_000
-"""Saddles looked at, the strongest first; photographs of gravel have far more."""
+MOST_CANDIDATES = 20_000
+"""Saddles considered, the strongest; photographs of gravel have far more."""
 
-ENOUGH = 100_000
-"""Pixels, evenly spread, that tell the range and the noise of an image's grey levels."""
+CONTRAST_PIXELS = 100_000
+"""Evenly spread pixels from which the range and the noise of an image's grey levels are estimated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """Possible corners: ``uv`` (n, 2) px, ``hessian`` (n, 2, 2) of the smoothed grey levels, ``contrast``
-    (n,).
+    """Candidates at ``uv`` (n, 2) px: ``hessian`` (n, 2, 2) of the smoothed grey levels, ``contrast`` (n,).
 
-    ``edges`` (n, 2, 2) holds the unit directions a, b of the two edges as columns, b clockwise of a, such
-    that the squares between a and b and between -a and -b are bright. Corners next to each other on a board
-    therefore have their a and b exchanged.
+    ``edges`` (n, 2, 2) holds the unit directions a, b of the two edges as columns, b clockwise of a, such that the
+    squares between a and b and between -a and -b are bright. Neighbouring corners of a board therefore have their a and
+    b exchanged.
     """
 
     uv: Floats
@@ -61,8 +59,8 @@ def find_candidates(grey: Grey) -> Candidates:
 
 
 def _least_contrast(grey: Grey) -> float:
-    """Grey levels that a corner's sectors must differ by: above noise, and 3 % of the image's own range."""
-    step = int(np.ceil(np.sqrt(grey.size / ENOUGH)))
+    """Grey levels by which a corner's sectors must differ: three times the noise, and 3 % of the image's range."""
+    step = int(np.ceil(np.sqrt(grey.size / CONTRAST_PIXELS)))
     low, high = np.percentile(grey[::step, ::step], [1, 99])
     rows = grey[:: step * step]
     noise = 1.4826 * np.median(np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:])) / np.sqrt(6.0)
@@ -70,9 +68,7 @@ def _least_contrast(grey: Grey) -> float:
 
 
 def _saddles(smooth: Grey, least_contrast: float) -> tuple[Floats, Floats]:
-    """Places (n, 2) and Hessians (n, 2, 2) of the local maxima of -det(Hessian), one Newton step off the
-    grid.
-    """
+    """Positions (n, 2) and Hessians (n, 2, 2) of the local maxima of -det(Hessian), refined by one Newton step."""
     xx = cv2.filter2D(smooth, -1, np.array([[1.0, -2.0, 1.0]], np.float32))
     yy = cv2.filter2D(smooth, -1, np.array([[1.0], [-2.0], [1.0]], np.float32))
     xy = cv2.filter2D(smooth, -1, np.array([[1, 0, -1], [0, 0, 0], [-1, 0, 1]], np.float32) / 4)
@@ -82,8 +78,8 @@ def _saddles(smooth: Grey, least_contrast: float) -> tuple[Floats, Floats]:
     peak = (saddleness > threshold) & (saddleness >= cv2.dilate(saddleness, np.ones((5, 5), np.uint8)))
     peak[:3], peak[-3:], peak[:, :3], peak[:, -3:] = False, False, False, False
     v, u = np.nonzero(peak)
-    if len(u) > MOST:
-        strongest = np.argpartition(-saddleness[v, u], MOST)[:MOST]
+    if len(u) > MOST_CANDIDATES:
+        strongest = np.argpartition(-saddleness[v, u], MOST_CANDIDATES)[:MOST_CANDIDATES]
         v, u = v[strongest], u[strongest]
     right, down = smooth[v, u + 1] - smooth[v, u - 1], smooth[v + 1, u] - smooth[v - 1, u]
     gradient = np.stack([right, down], axis=1) / 2.0
@@ -94,9 +90,7 @@ def _saddles(smooth: Grey, least_contrast: float) -> tuple[Floats, Floats]:
 
 
 def _ring_test(smooth: Grey, uv: Floats) -> tuple[Floats, Bools]:
-    """Contrast (n,) of the sectors around each place, and whether they are four, alternating and
-    point-symmetric.
-    """
+    """Contrast (n,) of the sectors around ``uv`` (n, 2), and whether they are four alternating, symmetric ones (n,)."""
     if not len(uv):
         return np.zeros(0), np.zeros(0, dtype=bool)
     angle = np.arange(RING_SAMPLES) * (2 * np.pi / RING_SAMPLES)
@@ -131,7 +125,7 @@ def _edge_directions(hessian: Floats) -> Floats:
 
 
 def neighbours(candidates: Candidates) -> Ints:
-    """(n, 4): for each candidate the next one along +a, +b, -a, -b whose own edges and colours fit, or -1."""
+    """For each candidate the next one along +a, +b, -a, -b with matching edges and colours, or -1: (n, 4)."""
     from scipy.spatial import cKDTree
 
     count = len(candidates)

@@ -1,8 +1,8 @@
-"""Circle grids: discs that form a lattice, grown as a checkerboard's corners are, and its place on the board.
+"""Circle grids: discs grown into a lattice like a checkerboard's corners, and placed on the board.
 
-Each disc's own outline tells how the sheet is foreshortened there. In that frame the four nearest neighbours stand
-in a cross, which seeds a lattice at any slant; an asymmetric grid's is turned by 45°. From there the Gaussian process
-predicts each next disc, and what is there is fitted.
+Each disc's outline gives the local foreshortening of the sheet. In that frame the four nearest neighbours form a
+cross, which seeds a lattice at any slant; an asymmetric grid's lattice is rotated by 45°. From there the Gaussian
+process predicts each next disc, and the disc found there is fitted.
 """
 
 from __future__ import annotations
@@ -11,52 +11,51 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pinholify.arrays import Bools, Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints, joined
 from pinholify.board import CircleGrid, lattice
-from pinholify.corners import Corners, not_found
+from pinholify.corners import Corners, not_found, sorted_by_id
 from pinholify.detection.discs import Discs, find_discs, fit_discs
-from pinholify.detection.growth import FEWEST, MOST_REPAIRS, SIDES, frontier, gate
-from pinholify.detection.intensity import Grey, grey_levels
+from pinholify.detection.growth import FEWEST_CORNERS, MOST_REPAIRS, SIDES, frontier, gate
+from pinholify.detection.intensity import Grey, grey_levels, halvings, reduced
 from pinholify.detection.lattice import Lattice
-from pinholify.detection.placement import FEWEST_OF_PART, LARGER
+from pinholify.detection.placement import FEWEST_OF_PART
 from pinholify.detection.prediction import local_frames, predict
-from pinholify.detection.refine import FLOOR
+from pinholify.detection.refine import STD_FLOOR_PX
 from pinholify.detection.saddle import sample
 
 FIRST_SIDE = 2000
-"""Discs are looked for in an image reduced by a power of two to at most this width and height (px)."""
+"""The search starts on an image reduced by powers of two to at most this width and height (px)."""
 
 MOST_SEEDS = 40
 NEIGHBOURS = 8
 
-SQUARE = 30.0
-"""Degrees by which the arms of a seed's cross may fail to be a quarter turn apart in the frame of its disc."""
+CROSS_TOLERANCE_DEG = 30.0
+"""How far the angles between the arms of a seed's cross may differ from 90°, in the frame of its disc."""
 
 REACH = 0.75
-"""Of the spacing: how far from its prediction the nearest disc may be, no other one being nearer."""
+"""How far the nearest disc may be from its prediction, as a fraction of the spacing."""
 
-EVEN = 1.25
-"""The distances of neighbours, in radii, differ by less than this factor from the usual one."""
+EVENNESS = 1.25
+"""Largest ratio between the distance of two neighbours, in radii, and the median one."""
 
 DIAMETER_MISMATCH = 0.15
-"""Share by which the diameter of the discs may differ from the board's: their centres are corrected for it."""
+"""Share by which the discs' diameter may differ from the board's, which the correction of their centres relies on."""
 
-ROUGH = 3.0
-"""A disc so many times less well known than the usual one is covered in part."""
+ROUGH_RATIO = 3.0
+"""A disc whose standard deviation exceeds the median by this factor is taken to be partly covered."""
 
-PALE = 0.25
-"""Of the contrast. A place in the image no darker than that holds no disc."""
+PALE_SHARE = 0.25
+"""Share of the contrast by which a place must be darker than the sheet to hold a disc."""
 
 
 def detect_circles(image: NDArray[Any], board: CircleGrid, *, name: str, mirrored: bool) -> Corners:
-    """The centroids of the discs of ``board`` in ``image``, by their ids.
+    """The centroids of the discs of ``board`` in ``image``.
 
-    ``image`` and the result are as of :func:`pinholify.detection.detect_board`.
+    Arguments and result are those of :func:`pinholify.detection.detect_board`.
     """
     grey = grey_levels(image)
     best = not_found(name, f"no grid of {board.spec} was found")
@@ -70,14 +69,10 @@ def detect_circles(image: NDArray[Any], board: CircleGrid, *, name: str, mirrore
 
 
 def _searches(grey: Grey) -> Iterator[Discs]:
-    """The discs in ``grey``, found in a reduced image first, and then, where that is another, at full size."""
-    factor = 1
-    while max(grey.shape) / factor > FIRST_SIDE:
-        factor *= 2
-    if factor > 1:
-        size = (grey.shape[1] // factor, grey.shape[0] // factor)
-        whole = grey[: size[1] * factor, : size[0] * factor]
-        discs = find_discs(np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), dtype=np.float32))
+    """The discs in ``grey``, found in a reduced image first where it is large, and then at full size."""
+    level = halvings(grey, FIRST_SIDE)
+    if level > 0:
+        discs, factor = find_discs(reduced(grey, level)), 2**level
         larger = fit_discs(grey, (discs.uv + 0.5) * factor - 0.5, discs.axes * factor)
         yield larger.select(larger.sound)
     yield find_discs(grey)
@@ -88,7 +83,7 @@ def _searches(grey: Grey) -> Iterator[Discs]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Grown:
-    """A lattice and the discs at its points, in one order."""
+    """A lattice and the discs at its points, in the same order."""
 
     lattice: Lattice
     discs: Discs
@@ -97,18 +92,18 @@ class _Grown:
         return _Grown(self.lattice.select(keep), self.discs.select(keep))
 
     def diameters(self) -> Floats:
-        """(n,) in steps of the lattice."""
+        """Diameters (n,) in steps of the lattice."""
         jacobian, _ = local_frames(self.lattice.index, self.lattice.uv)
         return np.asarray(2.0 * np.sqrt(self.discs.areas / np.abs(np.linalg.det(jacobian))))
 
     def usual_arm(self) -> float:
-        """The median distance of neighbours, in radii."""
+        """Median distance of neighbours, in radii."""
         return float(np.median(self._arms()[2]))
 
     def even(self) -> Bools:
-        """Which discs (n,) are as far from most of their neighbours as the others are from theirs."""
+        """Which discs (n,) are at the usual distance from most of their neighbours."""
         first, second, arms = self._arms()
-        fits = np.abs(np.log(arms / np.median(arms))) < np.log(EVEN)
+        fits = np.abs(np.log(arms / np.median(arms))) < np.log(EVENNESS)
         good, all_arms = np.zeros(len(self.discs)), np.zeros(len(self.discs))
         for end in (first, second):
             np.add.at(good, end, fits)
@@ -122,15 +117,15 @@ class _Grown:
 
 
 def _radii_between(a: Discs, b: Discs) -> Floats:
-    """Distances (n,) between discs in radii, the mean of what each pair's own foreshortenings say."""
+    """Distances (n,) in radii between the discs of each pair, averaged over both discs' foreshortenings."""
     offset = (b.uv - a.uv)[:, :, None]
     lengths = [np.linalg.norm(np.linalg.solve(discs.axes, offset)[:, :, 0], axis=1) for discs in (a, b)]
     return np.asarray(np.mean(lengths, axis=0))
 
 
 def _lattices(grey: Grey, discs: Discs) -> Iterator[_Grown]:
-    """Lattices of at least FEWEST discs, from the most regular seed on; no disc is used twice."""
-    if len(discs) < FEWEST:
+    """Lattices of at least FEWEST_CORNERS discs, the most regular seed first; no disc is used twice."""
+    if len(discs) < FEWEST_CORNERS:
         return
     tree = cKDTree(discs.uv)
     free = np.ones(len(discs), dtype=bool)
@@ -143,18 +138,18 @@ def _lattices(grey: Grey, discs: Discs) -> Iterator[_Grown]:
         grown = _grow(grey, discs, tree, _Grown(_plain(index, discs.uv[start]), discs.select(start)))
         used = tree.query_ball_point(grown.lattice.uv, 2.0)
         free[[i for group in used for i in group]] = False
-        if len(grown.lattice) >= FEWEST:
+        if len(grown.lattice) >= FEWEST_CORNERS:
             yield _fitted(grey, grown)
 
 
 def _fitted(grey: Grey, grown: _Grown) -> _Grown:
-    """``grown`` with each disc fitted once more, from where it was found, without those that something covers in part.
+    """``grown`` with each disc fitted once more from where it was found, without partly covered discs.
 
-    A finger's edge in an outline makes it rougher than the others'.
+    The edge of a finger makes an outline rougher than the others.
     """
     discs = fit_discs(grey, grown.discs.uv, grown.discs.axes)
-    fitted = _Grown(Lattice(grown.lattice.index, discs.uv, grown.lattice.weights, grown.lattice.phase), discs)
-    rough = discs.std > ROUGH * np.median(discs.std) + FLOOR
+    fitted = _Grown(grown.lattice.moved(discs.uv), discs)
+    rough = discs.std > ROUGH_RATIO * np.median(discs.std) + STD_FLOOR_PX
     return fitted.select(discs.sound & ~rough)
 
 
@@ -163,7 +158,7 @@ def _plain(index: Ints, uv: Floats) -> Lattice:
 
 
 def _seeds(discs: Discs, tree: cKDTree) -> tuple[Ints, Ints]:
-    """Discs (m,) whose four nearest neighbours stand in a cross, and these (m, 4), clockwise; the best first."""
+    """Discs (m,) whose four nearest neighbours form a cross, and these neighbours (m, 4), clockwise; best first."""
     near = tree.query(discs.uv, k=min(NEIGHBOURS + 1, len(discs)))[1][:, 1:]
     offset = np.linalg.solve(discs.axes, (discs.uv[near] - discs.uv[:, None]).transpose(0, 2, 1)).transpose(0, 2, 1)
     own = np.repeat(np.arange(len(discs)), near.shape[1])
@@ -177,13 +172,13 @@ def _seeds(discs: Discs, tree: cKDTree) -> tuple[Ints, Ints]:
     turns = np.rad2deg(np.diff(np.concatenate([angle, angle[:, :1] + 2 * np.pi], axis=1), axis=1))
     uneven = length.max(axis=1) / length.min(axis=1)
     crooked = np.abs(turns - 90.0).max(axis=1)
-    good = np.flatnonzero((uneven < EVEN) & (crooked < SQUARE))
+    good = np.flatnonzero((uneven < EVENNESS) & (crooked < CROSS_TOLERANCE_DEG))
     good = good[np.argsort(uneven[good] + crooked[good] / 90.0)]
     return good, near[good]
 
 
 def _grow(grey: Grey, discs: Discs, tree: cKDTree, grown: _Grown) -> _Grown:
-    """``grown`` with every disc that can be reached from it, without those that break it."""
+    """``grown`` with every disc that can be reached from it, without irregular ones."""
     banned: set[tuple[int, int]] = set()
     for _ in range(MOST_REPAIRS):
         while True:
@@ -192,7 +187,7 @@ def _grow(grey: Grey, discs: Discs, tree: cKDTree, grown: _Grown) -> _Grown:
                 break
             grown = larger
         kept = grown.even()
-        if kept.all() or len(grown.lattice) < FEWEST:
+        if kept.all() or len(grown.lattice) < FEWEST_CORNERS:
             break
         banned |= {(int(i), int(j)) for i, j in grown.lattice.index[~kept]}
         grown = grown.select(kept)
@@ -200,7 +195,7 @@ def _grow(grey: Grey, discs: Discs, tree: cKDTree, grown: _Grown) -> _Grown:
 
 
 def _ring(grey: Grey, discs: Discs, tree: cKDTree, grown: _Grown, banned: set[tuple[int, int]]) -> _Grown:
-    """``grown`` with the discs found one step, or else two steps, beyond its own."""
+    """``grown`` with the discs found one step, or failing that two steps, beyond it."""
     known = grown.lattice
     for reach in (1, 2):
         beyond = frontier(known.index, reach, banned)
@@ -217,56 +212,52 @@ def _ring(grey: Grey, discs: Discs, tree: cKDTree, grown: _Grown, banned: set[tu
         arms = _radii_between(grown.discs.select(nearest), fitted) / steps
         contrast = np.median(grown.discs.light - grown.discs.dark)
         miss = np.linalg.norm(fitted.uv - expected.uv, axis=1)
-        found = fitted.sound & (miss < near) & (fitted.light - fitted.dark > PALE * contrast)
-        found &= np.abs(np.log(np.maximum(arms, 1e-6) / grown.usual_arm())) < np.log(EVEN)
+        found = fitted.sound & (miss < near) & (fitted.light - fitted.dark > PALE_SHARE * contrast)
+        found &= np.abs(np.log(np.maximum(arms, 1e-6) / grown.usual_arm())) < np.log(EVENNESS)
         found &= ~_holds(fitted, known.uv) & _nearest_of_each(fitted, miss)
         if found.any():
-            return _Grown(known.joined(beyond[found], fitted.uv[found]), _joined(grown.discs, fitted.select(found)))
+            return _Grown(known.joined(beyond[found], fitted.uv[found]), joined([grown.discs, fitted.select(found)]))
     return grown
 
 
 def _positive(jacobian: Floats) -> Floats:
-    """Axes of positive determinant that span the same ellipses."""
+    """Axes (n, 2, 2) of positive determinant that span the same ellipses as ``jacobian`` (n, 2, 2)."""
     return np.asarray(jacobian * np.where(np.linalg.det(jacobian) < 0, -1.0, 1.0)[:, None, None] ** [[0, 1]])
 
 
 def _holds(discs: Discs, uv: Floats) -> Bools:
-    """Which discs (n,) hold one of the points ``uv`` (m, 2)."""
+    """Which discs (n,) contain one of the pixels ``uv`` (m, 2)."""
     offset = uv[None] - discs.uv[:, None]
     inside = np.linalg.norm(np.linalg.solve(discs.axes, offset.transpose(0, 2, 1)), axis=1) < 1.0
     return np.asarray(inside.any(axis=1))
 
 
 def _nearest_of_each(discs: Discs, miss: Floats) -> Bools:
-    """Of discs that were found from several places, ``miss`` (n,) px from these, only the nearest to its place."""
+    """Which discs (n,) to keep where one was found from several predictions: the nearest, by ``miss`` (n,) px."""
     kept = np.zeros(len(discs), dtype=bool)
     for k in np.argsort(miss):
         kept[k] = not _holds(discs.select(np.array([k])), discs.uv[kept]).any()
     return kept
 
 
-def _joined(a: Discs, b: Discs) -> Discs:
-    return Discs(*(np.concatenate([getattr(a, n), getattr(b, n)]) for n in Discs.__dataclass_fields__))
-
-
 # --- placement --------------------------------------------------------------------------------------
 
 
 def _placed(grey: Grey, grown: _Grown, board: CircleGrid, *, name: str, mirrored: bool) -> Corners:
-    """The discs of ``grown`` with their ids on ``board``; without discs and with a reason where it is another grid."""
+    """The discs of ``grown`` with their ids on ``board``, or the reason why it is not that grid."""
     if other := _other_kind(grown, board):
-        return not_found(name, f"the circles stand as on {other}, not as on {board.spec}")
+        return not_found(name, f"the circles are arranged as on {other}, not as on {board.spec}")
     points, whole = _on_sheet(grown.lattice.index, board), np.rint(lattice(board)).astype(np.int64)
     ways = _ways(points, whole, mirrored=mirrored)
     if not ways:
-        return not_found(name, f"a grid of {len(points)} circles {LARGER} {board.spec}, or is another")
+        reason = f"a grid of {len(points)} circles is larger than {board.spec}, or is another"
+        return not_found(name, reason, larger_board=True)
     unit = np.sqrt(0.5) if board.asymmetric else 1.0
     seen = float(np.median(grown.diameters())) / unit
     if abs(seen / board.diameter - 1.0) > DIAMETER_MISMATCH:
         right = f"circles:{board.columns}x{board.rows}{':asymmetric' * board.asymmetric}:{seen:.2f}"
-        return not_found(
-            name, f"the circles measure {seen:.2f} of their spacing, not {board.diameter:g}: say {right} if they are so"
-        )
+        measured = f"the diameter of the circles is {seen:.2f} of their spacing, not {board.diameter:g}"
+        return not_found(name, f"{measured}: give {right} if that is the board")
     if len(points) < min(FEWEST_OF_PART, len(whole)):
         return not_found(name, f"only {len(points)} circles of a grid were found")
     symmetries = len(_ways(whole, whole, mirrored=False))
@@ -276,18 +267,22 @@ def _placed(grey: Grey, grown: _Grown, board: CircleGrid, *, name: str, mirrored
     ambiguous = len(ways) > symmetries
     if not ways or (ambiguous and 2 * len(points) < len(whole)):
         return not_found(
-            name, f"only {len(points)} of {len(whole)} circles are seen, and which ones cannot be told"
+            name, f"only {len(points)} of {len(whole)} circles are visible, and which ones cannot be determined"
         )
     chosen = _nearest_top_left(ways, grown.lattice.uv)
-    ids = _ids(chosen, board)
-    order = np.argsort(ids)
-    weights = FLOOR / np.hypot(FLOOR, grown.discs.std)
-    assumed = ambiguous or not board.orientable
-    return Corners(name, ids[order], grown.lattice.uv[order], weights[order], "", assumed, ambiguous)
+    corners = Corners(
+        name,
+        _ids(chosen, board),
+        grown.lattice.uv,
+        STD_FLOOR_PX / np.hypot(STD_FLOOR_PX, grown.discs.std),
+        orientation_assumed=ambiguous or not board.orientable,
+        ambiguous_offset=ambiguous,
+    )
+    return sorted_by_id(corners)
 
 
 def _other_kind(grown: _Grown, board: CircleGrid) -> str:
-    """The whole grid that ``grown`` is if rows are offset where those of ``board`` are not, or the other way; or ""."""
+    """The complete grid that ``grown`` shows if it is asymmetric where ``board`` is not, or vice versa; else empty."""
     other = replace(board, columns=3, rows=3, asymmetric=not board.asymmetric, diameter=0.5)
     points = _on_sheet(grown.lattice.index, other)
     width, height = (np.ptp(points, axis=0) + 1).tolist()
@@ -301,12 +296,12 @@ def _other_kind(grown: _Grown, board: CircleGrid) -> str:
 
 
 def _on_sheet(index: Ints, board: CircleGrid) -> Ints:
-    """Indices (n, 2) of a lattice of nearest neighbours as lattice coordinates of ``board``, up to turns and shifts."""
+    """Indices (n, 2) of nearest neighbours as lattice coordinates of ``board``, up to rotation and shift."""
     return index @ np.array([[1, 1], [-1, 1]]) if board.asymmetric else index
 
 
 def _ways(points: Ints, whole: Ints, *, mirrored: bool) -> list[Ints]:
-    """The ways to lay ``points`` (n, 2) on the points ``whole`` of a board by quarter turns and shifts: (n, 2) each.
+    """The placements (n, 2) of ``points`` (n, 2) on the points ``whole`` of a board, by quarter turns and shifts.
 
     Of the shifts of one turn the smallest comes first.
     """
@@ -325,7 +320,7 @@ def _ways(points: Ints, whole: Ints, *, mirrored: bool) -> list[Ints]:
 
 
 def _blanks(grey: Grey, grown: _Grown, way: Ints, board: CircleGrid) -> int:
-    """How many discs of ``board``, were ``way`` right, would cover what the image shows to be bare sheet."""
+    """Number of discs that ``board`` would have, if ``way`` were right, where the image shows bare sheet."""
     whole = np.rint(lattice(board)).astype(np.int64)
     known = {(int(x), int(y)) for x, y in way}
     absent = np.array([p for p in whole.tolist() if tuple(p) not in known]).reshape(-1, 2)
@@ -340,11 +335,11 @@ def _blanks(grey: Grey, grown: _Grown, way: Ints, board: CircleGrid) -> int:
     nearest = cKDTree(grown.lattice.uv).query(expected.uv)[1]
     light, dark = grown.discs.light[nearest], grown.discs.dark[nearest]
     brightest = sample(grey, places).max(axis=1)
-    return int((inside & (light - brightest < PALE * (light - dark))).sum())
+    return int((inside & (light - brightest < PALE_SHARE * (light - dark))).sum())
 
 
 def _nearest_top_left(ways: list[Ints], uv: Floats) -> Ints:
-    """The way whose point (0, 0) is nearest to the image's top left."""
+    """The placement whose point (0, 0) is nearest to the image's top left corner."""
     origin = np.zeros((1, 2))
     return min(ways, key=lambda way: float(np.linalg.norm(predict(way, uv, origin).uv)))
 

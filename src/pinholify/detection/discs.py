@@ -1,9 +1,9 @@
-"""Dark discs on a light sheet: where an image may show some, and the centroids of their images.
+"""Dark discs on a light sheet: candidates, and the centroids of their images.
 
-A disc's image is an ellipse but for the lens. Its outline is measured along rays from its middle, each edge where
-the grey levels' integral between the inside and the outside puts it, which no blur moves. The point that is kept
-is the centroid of the area inside the outline: blur and an affine map leave it in place, and a camera can predict it.
-It is not the image of the disc's centre; :mod:`pinholify.calibration.circles` removes the difference.
+A disc's image is an ellipse apart from lens distortion. Its outline is measured along rays from its middle; the
+integral of the grey levels from inside to outside gives each edge, which blur does not move. The resulting point is
+the centroid of the area inside the outline: neither blur nor an affine map shifts it, and a camera can predict it. It
+is not the image of the disc's centre; :mod:`pinholify.calibration.circles` removes the difference.
 """
 
 from __future__ import annotations
@@ -15,42 +15,42 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pinholify.arrays import Bools, Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints, selected
 from pinholify.detection.intensity import Grey, stretched
 from pinholify.detection.saddle import sample
 
 WINDOWS = (11, 31, 91, 271)
-"""Sides (px) of the squares whose mean grey parts dark from light: two to eight times the discs' diameters."""
+"""Sides (px) of the squares whose mean is the threshold between dark and light: 2 to 8 times the discs' diameters."""
 
-DARKER = 8
-"""Grey levels (of 255) below that mean from which on a pixel is dark."""
+DARKER_LEVELS = 8
+"""A pixel is dark from this many grey levels (of 255) below that mean."""
 
-LEAST_AREA = 20.0
-"""px². Below this a disc has no outline to measure."""
+LEAST_AREA_PX2 = 20.0
+"""Discs of less area have no outline to measure."""
 
-ELLIPTICAL = 0.96
-"""Area of a candidate ÷ area of the ellipse with its second moments, at least; a square has 0.955."""
+LEAST_ELLIPTICITY = 0.96
+"""Smallest area of a candidate ÷ area of the ellipse with the same second moments; a square has 0.955."""
 
-FLATTEST = 0.12
-"""Axis ratio of the flattest ellipse that is looked at: a sheet seen at 83°."""
+LEAST_AXIS_RATIO = 0.12
+"""Axis ratio of the flattest ellipse considered: a sheet seen at 83°."""
 
 RAYS = 48
 DEPTHS = 25
 ITERATIONS = 3
 
-CORRELATED = 4.0
-"""px along an outline over which its errors hang together: a ray reads pixels as far as that beside it."""
+CORRELATION_PX = 4.0
+"""Length along an outline over which its errors are correlated, because neighbouring rays read the same pixels."""
 
 RIPPLE = (0.05, 0.15)
-"""An outline that strays from an ellipse by more than this share of its radius, and this many px, is no disc's."""
+"""An outline that differs from an ellipse by more than this share of its radius and this many px is rejected."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discs:
-    """Discs of centroid ``uv`` (n, 2) px, whose outlines are the images of the unit circle by ``axes`` (n, 2, 2) px.
+    """Discs of centroid ``uv`` (n, 2) px, whose outlines are the unit circle mapped by ``axes`` (n, 2, 2) px.
 
-    ``std`` (n,) px is how well the centroid is known, ``dark`` and ``light`` (n,) are the grey levels inside and
-    around, and ``sound`` (n,) says whether the outline is an ellipse.
+    ``std`` (n,) px is the standard deviation of the centroid, ``dark`` and ``light`` (n,) are the grey levels inside
+    and around, and ``sound`` (n,) is whether the outline is an ellipse.
     """
 
     uv: Floats
@@ -65,14 +65,12 @@ class Discs:
         return len(self.uv)
 
     def select(self, keep: Bools | Ints) -> Discs:
-        """The discs at ``keep``."""
-        return Discs(
-            self.uv[keep], self.axes[keep], self.std[keep], self.dark[keep], self.light[keep], self.sound[keep]
-        )
+        """The discs ``keep``, a mask (n,) or positions (m,)."""
+        return selected(self, keep)
 
     @property
     def areas(self) -> Floats:
-        """(n,) px², without the factor π."""
+        """Areas (n,) in px², without the factor π."""
         return np.asarray(np.linalg.det(self.axes))
 
 
@@ -87,11 +85,11 @@ def find_discs(grey: Grey) -> Discs:
 
 
 def _blobs(picture: NDArray[np.uint8], window: int) -> tuple[Floats, Floats]:
-    """Middles (n, 2) and axes (n, 2, 2) of the elliptical dark patches of ``picture``."""
-    dark = cv2.adaptiveThreshold(picture, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, window, DARKER)
+    """Centroids (n, 2) and axes (n, 2, 2) px of the elliptical dark patches of ``picture``."""
+    dark = cv2.adaptiveThreshold(picture, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, window, DARKER_LEVELS)
     contours, _ = cv2.findContours(dark, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     largest = 4.0 * window**2
-    moments = [m for c in contours if len(c) > 8 and LEAST_AREA < (m := cv2.moments(c))["m00"] < largest]
+    moments = [m for c in contours if len(c) > 8 and LEAST_AREA_PX2 < (m := cv2.moments(c))["m00"] < largest]
     if not moments:
         return np.empty((0, 2)), np.empty((0, 2, 2))
     m00, m10, m01, xx, xy, yy = np.array(
@@ -100,13 +98,13 @@ def _blobs(picture: NDArray[np.uint8], window: int) -> tuple[Floats, Floats]:
     covariance = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2) / m00[:, None, None]
     values = np.linalg.eigvalsh(covariance)
     full = m00 / (4 * np.pi * np.sqrt(np.maximum(values.prod(axis=1), 1e-12)))
-    kept = (full > ELLIPTICAL) & (np.sqrt(np.maximum(values[:, 0], 0) / values[:, 1]) > FLATTEST)
+    kept = (full > LEAST_ELLIPTICITY) & (np.sqrt(np.maximum(values[:, 0], 0) / values[:, 1]) > LEAST_AXIS_RATIO)
     centre = np.stack([m10, m01], axis=1) / m00[:, None]
     return centre[kept], 2.0 * np.linalg.cholesky(covariance[kept])
 
 
 def fit_discs(grey: Grey, uv: Floats, axes: Floats) -> Discs:
-    """The discs near ``uv`` (n, 2) px of about ``axes`` (n, 2, 2) px; those that are none are not sound."""
+    """The discs near ``uv`` (n, 2) px, of about ``axes`` (n, 2, 2) px; what is not a disc is not ``sound``."""
     start = uv
     shortest = _shortest(axes)
     for _ in range(ITERATIONS):
@@ -121,7 +119,7 @@ def fit_discs(grey: Grey, uv: Floats, axes: Floats) -> Discs:
     reach = 1.2 * np.linalg.norm(axes, axis=2)
     inside = ((uv > reach) & (uv < np.array([grey.shape[1], grey.shape[0]]) - 1 - reach)).all(axis=1)
     longest = np.linalg.norm(axes, axis=(1, 2))
-    independent = np.minimum(RAYS, 2 * np.pi * shortest_now / CORRELATED)
+    independent = np.minimum(RAYS, 2 * np.pi * shortest_now / CORRELATION_PX)
     std = ripple * longest / np.sqrt(np.maximum(independent, 1.0))
     return Discs(uv, axes, std, dark, light, (ripple < limit) & stayed & inside & (light > dark))
 
@@ -132,20 +130,20 @@ def _shortest(axes: Floats) -> Floats:
 
 @cache
 def _rays() -> Floats:
-    """(RAYS, 2) unit vectors."""
+    """Unit vectors (RAYS, 2)."""
     angle = np.arange(RAYS) * (2 * np.pi / RAYS)
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 @cache
 def _level_fit() -> Floats:
-    """(RAYS, RAYS): the projection on levels that vary linearly across a disc."""
+    """The projection (RAYS, RAYS) on grey levels that vary linearly across a disc."""
     design = np.column_stack([np.ones(RAYS), _rays()])
     return np.asarray(design @ np.linalg.pinv(design))
 
 
 def _outlines(grey: Grey, uv: Floats, axes: Floats) -> tuple[Floats, Floats, Floats]:
-    """Radius (n, RAYS) of the edge along each ray, 1 on the ellipse of ``axes``; grey inside and around (n,)."""
+    """Radius (n, RAYS) of the edge along each ray, 1 on the ellipse of ``axes``; grey inside and around, (n,) each."""
     half = np.clip(3.0 / np.maximum(_shortest(axes), 1e-9), 0.2, 0.45)
     depth = 1.0 + half[:, None] * np.linspace(-1.0, 1.0, DEPTHS)
     place = depth[:, :, None, None] * _rays()  # (n, DEPTHS, RAYS, 2)
@@ -171,19 +169,19 @@ def _moments(radius: Floats) -> tuple[Floats, Floats]:
 
 @cache
 def _harmonics() -> Floats:
-    """(RAYS, RAYS): the projection on what no ellipse near the unit circle, moved a little, can show."""
+    """The projection (RAYS, RAYS) that removes all ellipses near the unit circle, to first order."""
     angle = np.arange(RAYS) * (2 * np.pi / RAYS)
     design = np.column_stack([np.ones(RAYS), *(f(k * angle) for k in (1, 2) for f in (np.cos, np.sin))])
     return np.asarray(np.eye(RAYS) - design @ np.linalg.pinv(design))
 
 
 def _ripple(radius: Floats) -> Floats:
-    """RMS (n,) by which outlines stray from ellipses, as a share of the radius."""
+    """RMS (n,) deviation of the outlines from ellipses, as a share of the radius."""
     return np.asarray(np.sqrt(((radius @ _harmonics()) ** 2).mean(axis=1)))
 
 
 def _each_once(discs: Discs) -> Discs:
-    """``discs`` without those whose centre another, better known one's outline holds."""
+    """``discs`` without those whose centroid lies inside another, more accurate one."""
     order = np.argsort(discs.std / np.sqrt(np.maximum(discs.areas, 1e-9)))
     taken = np.zeros(len(discs), dtype=bool)
     kept = []

@@ -1,69 +1,68 @@
 """Corner positions to a few hundredths of a pixel: a corner as the crossing of two blurred edges.
 
-Around a corner the grey levels are fitted with
+The grey levels around a corner are fitted with
 
 I(s, t) = c₀ + c₁s + c₂t + (κ + κ₁s + κ₂t) · E(s - d - αt) · E(t - e - βs),
 
-E the error function of a blur b, (s, t) coordinates that follow the board's own curved lines. A quadratic fit
-of the same window (:mod:`pinholify.detection.saddle`) is shifted by shading, which tilts the surface, and
-averages noise over squares that say nothing about the place; here shading has its own terms, and only the
-edges speak. Gauss-Newton on all eleven numbers, with weights that forget what does not belong to the corner:
-a finger, a marker, the image's end.
+where E is the error function of a blur b, and (s, t) are coordinates that follow the board's own curved lines. A
+quadratic fit of the same window (:mod:`pinholify.detection.saddle`) is shifted by shading, which tilts the surface, and
+averages noise over squares that carry no information about the position; here shading has its own terms, and only the
+edges count. All eleven parameters are fitted by Gauss-Newton, with weights that suppress what does not belong to the
+corner: a finger, a marker, the image's border.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import erf
 
-from pinholify.arrays import Bools, Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints, joined, selected
 from pinholify.detection.intensity import Grey
 from pinholify.detection.windows import Samples, Windows, read, worth_reading
 
-BLOCK = 12_000
-"""Places read at a time: as many as fit a processor's cache."""
+BLOCK_SAMPLES = 12_000
+"""Samples read at a time: as many as fit in a processor's cache."""
 
-ROUGHLY = 400
-"""Samples of a window that the fit starts with."""
+ROUGH_SAMPLES = 400
+"""Samples per window that the fit starts with."""
 
 ITERATIONS = 6
 
-SETTLED = 0.03
-"""Steps (px) below which the fit is done: the next would be shorter by about its square."""
+SETTLED_PX = 0.03
+"""The fit ends after a shorter step: convergence is quadratic, and the next one would be negligible."""
 
-FIRST_BLUR = 1.0
-"""Standard deviation (px) of the edges' blur to start from."""
+FIRST_BLUR_PX = 1.0
+"""Initial standard deviation of the edges' blur."""
 
-LEAST = np.array([-1.0, -1.0, -0.7, -0.7, np.log(0.3)])
-GREATEST = np.array([1.0, 1.0, 0.7, 0.7, np.log(8.0)])
+LEAST_SHAPE = np.array([-1.0, -1.0, -0.7, -0.7, np.log(0.3)])
+GREATEST_SHAPE = np.array([1.0, 1.0, 0.7, 0.7, np.log(8.0)])
 """Limits of d, e, α, β and log blur (px)."""
 
 OUTLIER = 3.0
-"""Residuals beyond this many times the window's own scale lose weight (Tukey's biweight ends at twice that).
-"""
+"""Tukey's biweight vanishes at twice this many times the window's own scale of residuals."""
 
-TOLERATED = 0.03
-"""What the model itself, and interpolation, miss near the edges, as a fraction of κ: no outliers, these."""
+TOLERATED_MISFIT = 0.03
+"""Errors of the model and of interpolation near the edges, as a fraction of κ, which are not outliers."""
 
-SKIPPED = 3
-"""Of so many samples one is enough to tell the scale of all."""
+SCALE_STRIDE = 3
+"""The scale of the residuals is estimated from every third sample."""
 
-LEAST_KEPT = 0.3
-"""Of all weights: a fit that keeps fewer is no fit of the corner."""
+LEAST_WEIGHT_SHARE = 0.3
+"""Smallest share of the samples' total weight that a fit has to keep."""
 
 LEAST_SPREAD = 0.01
-"""The least scale of residuals, as a fraction of κ."""
+"""Lower bound of the scale of residuals, as a fraction of κ."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossings:
-    """Fitted corners: ``uv`` (n, 2) px, its standard deviation ``std`` (n,) px, signed ``strength`` κ in grey
-    levels, ``residual`` (n,) the fit's robust scale in grey levels, whether the fit is ``sound`` (n,), and ``half``
-    (n,) px the half side of its window.
+    """Fitted corners ``uv`` (n, 2) px with standard deviations ``std`` (n,) px.
+
+    ``strength`` (n,) is κ, signed, and ``residual`` (n,) the robust scale of the fit's residuals, both in grey levels;
+    ``sound`` (n,) is whether the fit can be used, and ``half`` (n,) px the half side of its window.
     """
 
     uv: Floats
@@ -75,40 +74,40 @@ class Crossings:
 
     def select(self, keep: Ints) -> Crossings:
         """The corners at the positions ``keep``."""
-        return _selected(self, keep)
+        return selected(self, keep)
 
     def replaced(self, where: Ints, others: Crossings) -> Crossings:
         """The same corners, with ``others`` at the positions ``where``."""
-        together = _joined([self, others])
+        together = joined([self, others])
         order = np.arange(len(self.uv))
         order[where] = len(self.uv) + np.arange(len(others.uv))
         return together.select(order)
 
 
 def fit_crossings(grey: Grey, windows: Windows) -> Crossings:
-    """Fits the two edges in each of ``windows`` (one or more).
+    """The fits of the two edges in each of ``windows`` (one or more).
 
-    They are fitted to few samples first, as a step costs what its samples cost.
+    They start with few samples, because the cost of a step is proportional to their number.
     """
-    order = np.argsort(-windows.area, kind="stable")  # of those of like size as many samples are worth reading
+    order = np.argsort(-windows.area, kind="stable")  # windows of similar size share a number of samples
     ordered = windows.select(order)
-    few = np.full(len(order), ROUGHLY)
-    rough = _joined([_fitted(*each) for each in _blocks(grey, ordered, _start(len(order)), few)])
+    few = np.full(len(order), ROUGH_SAMPLES)
+    rough = joined([_fitted(*each) for each in _blocks(grey, ordered, _start(len(order)), few)])
     fine = [_crossings(*each[:2], _fitted(*each)) for each in _blocks(grey, ordered, rough, worth_reading(ordered))]
-    return _joined(fine).select(np.argsort(order))
+    return joined(fine).select(np.argsort(order))
 
 
 def _blocks(grey: Grey, windows: Windows, fits: _Fit, counts: Ints) -> Iterator[tuple[Windows, Samples, _Fit]]:
-    """As many of ``windows`` at a time as suit a cache, what is read in them, and their ``fits``.
+    """Blocks of ``windows`` that fit in the cache, with their samples and their ``fits``.
 
-    ``counts`` (n,) of places, none less than any after it, are to be read; in a block as many in each as in its first.
+    ``counts`` (n,) are the numbers of samples to read, in descending order; a block uses that of its first window.
     """
     first = 0
     while first < len(counts):
         count = int(counts[first])
-        block = np.arange(first, min(first + max(1, BLOCK // count), len(counts)))
+        block = np.arange(first, min(first + max(1, BLOCK_SAMPLES // count), len(counts)))
         part = windows.select(block)
-        yield part, read(grey, part, count), _selected(fits, block)
+        yield part, read(grey, part, count), selected(fits, block)
         first = int(block[-1]) + 1
 
 
@@ -116,7 +115,7 @@ def _blocks(grey: Grey, windows: Windows, fits: _Fit, counts: Ints) -> Iterator[
 class _Fit:
     """``shape`` (n, 5): d, e, α, β in units of the window and log b, b in px; ``linear`` (n, 6): c₀ to κ₂.
 
-    ``step`` (n, 5) is the last one, ``spread`` (n,) the residuals' scale, ``normal`` (n, 11, 11) of the last solve.
+    ``step`` (n, 5) is the last step, ``spread`` (n,) the residuals' scale, ``normal`` (n, 11, 11) the normal matrix.
     """
 
     shape: Floats
@@ -135,45 +134,30 @@ def _nonzero(strength: Floats) -> Floats:
     return np.where(np.abs(strength) < 1e-6, 1e-6, strength)
 
 
-Fitted = TypeVar("Fitted", Crossings, _Fit)
-
-
-def _selected(fitted: Fitted, keep: Ints) -> Fitted:
-    """The windows at the positions ``keep``."""
-    return replace(fitted, **{field.name: getattr(fitted, field.name)[keep] for field in fields(fitted)})
-
-
-def _joined(parts: Sequence[Fitted]) -> Fitted:
-    """The windows of all ``parts``, one after the other."""
-    names = [field.name for field in fields(parts[0])]
-    return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
-
-
 def _start(count: int) -> _Fit:
-    """Two edges along the windows' axes, before anything is known of the grey levels."""
+    """Two edges along the windows' axes, before any grey levels are read."""
     shape = np.zeros((count, 5))
-    shape[:, 4] = np.log(FIRST_BLUR)
+    shape[:, 4] = np.log(FIRST_BLUR_PX)
     return _Fit(shape, np.zeros((count, 6)), np.zeros((count, 5)), np.full(count, np.inf), np.zeros((count, 11, 11)))
 
 
 def _fitted(windows: Windows, samples: Samples, fit: _Fit) -> _Fit:
-    """``fit`` improved on ``samples`` by steps of Gauss and Newton, each forgetting what the fit before does not know.
-    """
+    """``fit`` improved on ``samples`` by reweighted Gauss-Newton steps."""
     scale = np.linalg.norm(windows.axes, axis=1)
     for _ in range(ITERATIONS):
         design = _design(fit.shape, scale, samples)
         misfit = samples.values - (fit.linear[:, None] @ design[:, :6])[:, 0]
-        fit = _step(samples, design, _trust(misfit, fit, samples.inside), fit.shape)
-        if (np.abs(fit.step[:, :2]) * scale).max(initial=0.0) < SETTLED:
+        fit = _step(samples, design, _robust_weights(misfit, fit, samples.inside), fit.shape)
+        if (np.abs(fit.step[:, :2]) * scale).max(initial=0.0) < SETTLED_PX:
             break
     return fit
 
 
-def _trust(misfit: Floats, fit: _Fit, inside: Bools) -> Floats:
-    """Tukey's weights (n, m), and all alike where a step has gone so far that hardly any would be left."""
-    end = 2 * OUTLIER * (fit.spread + TOLERATED * np.abs(fit.linear[:, 3]))
+def _robust_weights(misfit: Floats, fit: _Fit, inside: Bools) -> Floats:
+    """Tukey's weights (n, m), or equal ones where a step has gone so far that hardly any weight would be left."""
+    end = 2 * OUTLIER * (fit.spread + TOLERATED_MISFIT * np.abs(fit.linear[:, 3]))
     weight = inside * np.clip(1 - (misfit / end[:, None]) ** 2, 0.0, None) ** 2
-    lost = weight.sum(axis=1) < LEAST_KEPT * inside.sum(axis=1)
+    lost = weight.sum(axis=1) < LEAST_WEIGHT_SHARE * inside.sum(axis=1)
     return np.where(lost[:, None], inside, weight)
 
 
@@ -183,17 +167,15 @@ def _step(samples: Samples, design: Floats, weight: Floats, shape: Floats) -> _F
     normal += 1e-9 * np.einsum("nii->n", normal)[:, None, None] * np.eye(11)
     solution: Floats = np.asarray(np.linalg.solve(normal, weighted @ samples.values[:, :, None])[:, :, 0], np.float64)
     residual = samples.values - (solution[:, None] @ design)[:, 0]
-    scatter = 1.4826 * np.median(np.abs((residual * samples.inside)[:, ::SKIPPED]), axis=1)
+    scatter = 1.4826 * np.median(np.abs((residual * samples.inside)[:, ::SCALE_STRIDE]), axis=1)
     strength = _nonzero(solution[:, 3])
     step = solution[:, 6:] / strength[:, None]
-    shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST, GREATEST)
+    shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST_SHAPE, GREATEST_SHAPE)
     return _Fit(shape, solution[:, :6], step, scatter + LEAST_SPREAD * np.abs(strength), normal)
 
 
 def _design(shape: Floats, scale: Floats, samples: Samples) -> Floats:
-    """(n, 11, m): the six linear terms, then the derivatives by d, e, α, β and log b, each per unit of
-    κ.
-    """
+    """The design (n, 11, m): the six linear terms, then the derivatives by d, e, α, β and log b per unit of κ."""
     s, t = samples.s, samples.t
     d, e, alpha, beta, log_blur = (column[:, None] for column in shape.T)
     across_s, across_t = s - d - alpha * t, t - e - beta * s
@@ -215,7 +197,7 @@ def _design(shape: Floats, scale: Floats, samples: Samples) -> Floats:
 
 
 def _edge(x: Floats, blur: Floats) -> tuple[Floats, Floats]:
-    """The blurred step from -1 to 1 at ``x``, and its slope."""
+    """The blurred step from -1 to 1 at ``x``, and its derivative."""
     z = x / blur
     return erf(z / np.sqrt(2.0)), np.sqrt(2.0 / np.pi) * np.exp(-z * z / 2) / blur
 
@@ -229,7 +211,8 @@ def _crossings(windows: Windows, samples: Samples, fit: _Fit) -> Crossings:
     st = np.stack([s, t], axis=1)
     shift = (windows.axes @ st[:, :, None])[:, :, 0]
     shift += (windows.bend @ np.stack([s * s, s * t, t * t], axis=1)[:, :, None])[:, :, 0]
-    covariance = np.linalg.inv(fit.normal)[:, 6:8, 6:8] * (samples.shared * (fit.spread / strength) ** 2)[:, None, None]
+    of_d_and_e = np.linalg.solve(fit.normal, np.eye(11)[None, :, 6:8])[:, 6:8]
+    covariance = of_d_and_e * (samples.shared * (fit.spread / strength) ** 2)[:, None, None]
     spatial = windows.axes @ covariance @ windows.axes.transpose(0, 2, 1)
     std = np.sqrt(np.maximum(np.einsum("nii->n", spatial) / 2, 0.0))
     scale = np.linalg.norm(windows.axes, axis=1)

@@ -1,4 +1,4 @@
-"""Image files to the corners of one camera: in parallel, in order, whatever goes wrong with single files."""
+"""Image files to the corners of one camera: in parallel, in order, whatever fails in single files."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import TypeVar
 from pinholify.board import Board, Checkerboard
 from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet, not_found
-from pinholify.detection.detect import detect_board, detect_size
-from pinholify.detection.placement import LARGER
+from pinholify.detection.checkerboard import detect_size
+from pinholify.detection.detect import detect_board
 from pinholify.detection.second_look import look_again
 from pinholify.errors import BoardError, ImageError, InputError
 from pinholify.io.images import read_image
@@ -26,7 +26,7 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Seen:
-    """What one file gave: ``size`` (width, height) in px, or None where it cannot be read."""
+    """The result for one file: ``corners``, and its ``size`` (width, height) in px, None if it cannot be read."""
 
     corners: Corners
     size: tuple[int, int] | None
@@ -42,13 +42,12 @@ def detect_files(
 ) -> CornerSet:
     """The corners of ``board`` in the image files ``paths``, in their order.
 
-    ``workers`` processes share the work; None takes one a CPU. More than one are spawned, so a script that asks for
-    them needs the usual ``if __name__ == "__main__":``.
+    ``workers`` processes share the work; None means one per CPU. More than one are spawned, so a script that uses them
+    needs the usual ``if __name__ == "__main__":``. ``on_result`` is called with the corners of each image, in order.
 
-    ``on_result`` is called with each image's corners as they arrive, in order. A file that cannot be read is a view
-    without corners and a reason, and so is one that ends the process that works on it. Raises ImageError where no file
-    can be read, where files differ in size, and where one file is named twice, BoardError where the images show a
-    larger board, InputError for a single path and for a board that is a text.
+    A file that cannot be read, or that crashes its process, becomes a view without corners and with a reason. Raises
+    ImageError if no file can be read, if files differ in size, or if a file is given twice; BoardError if the images
+    show a larger board; InputError for a single path and for a board given as text.
     """
     _check_arguments(paths, board)
     if not paths:
@@ -67,7 +66,7 @@ def detect_files(
 
 
 def _check_arguments(paths: object, board: object) -> None:
-    """Raise InputError for what Python would take apart letter by letter, or only stumble over later."""
+    """Raise InputError for a single path, which would be iterated by letters, and for a board given as text."""
     if isinstance(paths, str | os.PathLike):
         raise InputError(f"one path was given where several are needed; give a list: ['{os.fspath(paths)}']")
     if isinstance(board, str):
@@ -84,13 +83,13 @@ def look_again_in_files(
 ) -> CornerSet:
     """``corners``, found in the image files ``paths``, after a second look with their ``camera``.
 
-    See :func:`pinholify.detection.look_again`; ``workers`` and ``on_result`` are as of :func:`detect_files`. Raises
-    ImageError where the images have another size than the camera's.
+    See :func:`pinholify.detection.look_again`; ``workers`` and ``on_result`` are as in :func:`detect_files`. Raises
+    ImageError where the images are not of the camera's size.
     """
     if corners.image_size != camera.image_size:
         raise ImageError(
-            f"the images have {_pixels(corners.image_size)} px, but the camera was calibrated at "
-            f"{_pixels(camera.image_size)}: give its own photographs, or no camera"
+            f"the images are {_pixels(corners.image_size)} px, but the camera was calibrated at "
+            f"{_pixels(camera.image_size)}: give photographs of that camera, or no camera"
         )
     views = []
     again = partial(_look_again_in_file, board=corners.board, camera=camera)
@@ -117,10 +116,11 @@ def detect_size_in_files(
     workers: int | None = 1,
     on_result: Callable[[Checkerboard | None], object] | None = None,
 ) -> tuple[Checkerboard, int]:
-    """The checkerboard that most of the image files ``paths`` show whole, columns ≥ rows, and how many of them do.
+    """The checkerboard that most of the image files ``paths`` show completely, columns ≥ rows, and how many do.
 
-    A board that an image cuts short tells no size. ``workers`` are as of :func:`detect_files`; ``on_result`` is called
-    with what each image tells. Raises BoardError where no image tells a size, and where as many tell another.
+    Images that do not show a complete board are ignored. ``workers`` is as in :func:`detect_files`; ``on_result`` is
+    called with the board of each image, or None. Raises BoardError if no image shows a complete board, and if two sizes
+    are equally frequent.
     """
     sizes = Counter[Checkerboard]()
     for board in _map(_size_in_file, [Path(path) for path in paths], workers, lambda path: None):
@@ -129,16 +129,17 @@ def detect_size_in_files(
         if on_result is not None:
             on_result(board)
     if not sizes:
+        images = "1 image" if len(paths) == 1 else f"{len(paths)} images"
         raise BoardError(
-            f"the size of the board cannot be told: no checkerboard is seen whole in {len(paths)} images; "
-            "give its inner corners, columns x rows, for example 9x6, or name the board if it is of another kind, for "
-            "example charuco:9x7:DICT_4X4_100:0.75"
+            f"the size of the board cannot be determined: no complete checkerboard is visible in {images}; give its "
+            "inner corners, columns x rows, for example 9x6, or name the board if it is of another kind, for example "
+            "charuco:9x7:DICT_4X4_100:0.75"
         )
     (board, count), *others = sizes.most_common()
     if others and others[0][1] == count:
         raise BoardError(
-            f"the size of the board cannot be told: {count} of {len(paths)} images show {board.spec} inner corners and "
-            f"as many show {others[0][0].spec}; give the one to look for"
+            f"the size of the board cannot be determined: {count} of {len(paths)} images show {board.spec} inner "
+            f"corners and as many show {others[0][0].spec}; give the size to look for"
         )
     return board, count
 
@@ -151,8 +152,8 @@ def _size_in_file(path: Path) -> Checkerboard | None:
 
 
 def _check_size_of_board(views: Sequence[Corners], board: Board) -> None:
-    """Raise BoardError where as many images show a larger board as seem to show ``board``: its size was mistaken."""
-    larger = [view for view in views if LARGER in view.reason]
+    """Raise BoardError if at least as many images show a larger board as seem to show ``board``."""
+    larger = [view for view in views if view.larger_board]
     if 0 < sum(view.found for view in views) <= len(larger):
         raise BoardError(
             f"{len(larger)} of {len(views)} images show another board than {board.spec} (in '{larger[0].name}' "
@@ -161,9 +162,9 @@ def _check_size_of_board(views: Sequence[Corners], board: Board) -> None:
 
 
 def unique_names(paths: Sequence[Path]) -> list[str]:
-    """File names, each with as many parent folders before it as it takes to tell all apart.
+    """File names, each with as many parent folders as make it unique.
 
-    Raises ImageError where one file or folder is named twice.
+    Raises ImageError if a file or folder is given twice.
     """
     twice = [path for path, count in Counter(path.absolute() for path in paths).items() if count > 1]
     if twice:
@@ -201,7 +202,7 @@ def _map(
     workers: int | None,
     died: Callable[[_Job], _Result],
 ) -> Iterator[_Result]:
-    """``function`` of every job, in order; ``died`` of those that end the process that works on them."""
+    """``function`` of every job, in order; ``died`` of those that crash their process."""
     workers = min(workers or os.cpu_count() or 1, len(jobs))
     if workers <= 1:
         yield from map(function, jobs)
@@ -222,7 +223,7 @@ def _numbered(function: Callable[[_Job], _Result], job: tuple[int, _Job]) -> tup
 
 
 def _common_size(seen: list[_Seen]) -> tuple[int, int]:
-    """(width, height) of all images that could be read."""
+    """The size (width, height) of all images that could be read; raises ImageError if there are none, or several."""
     sizes = Counter(result.size for result in seen if result.size is not None)
     if not sizes:
         raise ImageError(

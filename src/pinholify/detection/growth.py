@@ -1,4 +1,4 @@
-"""Lattices grown from a seed, ring by ring, each next corner where the Gaussian process expects it."""
+"""Lattices grown from a seed, ring by ring, each next corner where the Gaussian process predicts it."""
 
 from __future__ import annotations
 
@@ -17,51 +17,52 @@ from pinholify.detection.lattice import Lattice
 from pinholify.detection.prediction import Prediction, predict
 from pinholify.detection.saddle import refine_saddles, saddle_strength, sample
 
-FEWEST = 9
-"""Corners below which a lattice is no evidence of a board."""
+FEWEST_CORNERS = 9
+"""Corners below which a lattice is not evidence of a board."""
 
 MOST_SEEDS = 40
 """Seeds grown in one image."""
 
 MOST_LARGEST = 20
-"""The work in one image: as many corners as so many of the largest lattices have."""
+"""Limit of the work on one image: the corners of this many lattices of the largest size."""
 
-APART = 4
-"""Columns between crosses that are looked at together: none is next to another, and their colours are alike."""
+CROSSES_APART = 4
+"""Columns between crosses that are checked together: they do not touch, and have the same colours."""
 
-ALIKE = 0.5
-"""The least ratio of the contrasts of two candidates that are taken for corners of one lattice before it is grown."""
+LEAST_CONTRAST_RATIO = 0.5
+"""Smallest ratio of the contrasts of two candidates that are linked as corners of one lattice before it is grown."""
 
-DISORDER = 0.1
-"""Above this a lattice is letters or leaves; the most bent photographs of boards stay below a third of it."""
+MOST_DISORDER = 0.1
+"""A lattice with more :func:`disorder` is text or leaves; boards stay below a third of it even through strong fisheyes.
+"""
 
 MOST_REPAIRS = 5
-"""Times that a lattice may lose corners which break it, and grow again."""
+"""How often a lattice may lose irregular corners and grow again."""
 
 SIDES = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
-PAIR = 2**32
-"""Columns are counted in this many rows where a pair of indices has to be one number."""
+ROWS_PER_COLUMN = 2**32
+"""Factor of the column where a pair of indices has to be one number: more than there can be rows."""
 
 GATE = (0.1, 0.4)
-"""The gate around a prediction is six standard deviations, within these fractions of the spacing."""
+"""The gate around a prediction is six standard deviations, limited to these fractions of the spacing."""
 
-BESIDE = 0.125
-"""How far beside an edge its colours are compared, as a fraction of the squares' width."""
+BESIDE_EDGE = 0.125
+"""Distance from an edge at which its colours are compared, as a fraction of the squares' width."""
 
-ENOUGH = 24
-"""Corners that tell how strong the others of a lattice are."""
+STRENGTH_SAMPLES = 24
+"""Corners from which the usual strength in a lattice is estimated."""
 
-WINDOW = 0.25
-"""Half window of the search at a predicted place, as a fraction of the spacing."""
+SEARCH_WINDOW = 0.25
+"""Half window of the search at a predicted corner, as a fraction of the spacing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grower:
-    """Grows lattices over one image: its ``grey`` levels and its ``candidates``.
+    """Grows lattices over one image, given its ``grey`` levels and its ``candidates``, of which ``tree`` is the index.
 
-    ``beside`` is how far to each side of an edge its colours are compared, as a fraction of the squares' width there.
-    A lattice of more corners than ``most`` grows no further.
+    ``beside`` is the distance from an edge at which its colours are compared, as a fraction of the local width of the
+    squares. A lattice of more corners than ``most`` is not grown further.
     """
 
     grey: Grey
@@ -71,7 +72,7 @@ class Grower:
     most: float
 
     def lattices(self) -> Iterator[Lattice]:
-        """Lattices of at least FEWEST corners, from a seed of each group in turn; no candidate is used twice."""
+        """Lattices of at least FEWEST_CORNERS, from a seed of each group in turn; no candidate is used twice."""
         links = neighbours(self.candidates)
         free = np.ones(len(self.candidates), dtype=bool)
         tried, looked_at = 0, 0
@@ -82,7 +83,7 @@ class Grower:
                 return
             lattice = self.grow(_first_cross(self.candidates, links, seed))
             tried, looked_at = tried + 1, looked_at + len(lattice)
-            if len(lattice) < FEWEST or disorder(lattice) > DISORDER:
+            if len(lattice) < FEWEST_CORNERS or disorder(lattice) > MOST_DISORDER:
                 free[seed] = False
                 continue
             near = self.tree.query_ball_point(lattice.uv, 3.0)
@@ -90,14 +91,14 @@ class Grower:
             yield lattice
 
     def grow(self, lattice: Lattice) -> Lattice:
-        """``lattice`` with every corner that can be reached from it, without those that break it."""
+        """``lattice`` with every corner that can be reached from it, without irregular ones."""
         banned: set[tuple[int, int]] = set()
         for _ in range(MOST_REPAIRS):
             lattice = self._grow(lattice, banned)
-            if len(lattice) < FEWEST:
+            if len(lattice) < FEWEST_CORNERS:
                 break
             expected = left_out(lattice)
-            if disorder(lattice, expected) > DISORDER:
+            if disorder(lattice, expected) > MOST_DISORDER:
                 break
             kept = regular(lattice, expected=expected)
             if kept.all():
@@ -107,10 +108,8 @@ class Grower:
         return lattice
 
     def _grow(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
-        """``lattice`` with ring after ring of corners that stand at the ends of good edges, none in
-        ``banned``.
-        """
-        doubled = 2 * FEWEST
+        """``lattice`` with ring after ring of corners at the ends of good edges, none of them ``banned``."""
+        doubled = 2 * FEWEST_CORNERS
         while True:
             grown = self._ring(lattice, banned)
             kept = bounded(self.grey, grown, self.beside)
@@ -119,21 +118,19 @@ class Grower:
             if len(grown) <= len(lattice) or len(grown) > self.most:
                 return grown
             if len(grown) >= doubled:
-                if disorder(grown) > DISORDER:
+                if disorder(grown) > MOST_DISORDER:
                     return grown
                 doubled = 2 * len(grown)
             lattice = grown
 
     def _seeds(self, links: Ints) -> Ints:
-        """Regular candidates (n,), the most regular first, with black and white along the edges to all four
-        neighbours.
-        """
+        """Regular candidates (n,), the most regular first, with black and white beside the edges to all neighbours."""
         seeds = _regular_crosses(self.candidates, links)
         if not len(seeds):
             return seeds
-        # All crosses at once, as one lattice of which they are separate parts.
+        # All crosses at once, as separate parts of one lattice.
         cross = np.concatenate([[[0, 0]], SIDES])
-        index = cross + np.arange(len(seeds))[:, None, None] * np.array([APART, 0])
+        index = cross + np.arange(len(seeds))[:, None, None] * np.array([CROSSES_APART, 0])
         uv = self.candidates.uv[np.column_stack([seeds, links[seeds]])]
         crosses = Lattice(index.reshape(-1, 2), uv.reshape(-1, 2), np.ones(uv.size // 2), 1)
         rise = _rises(self.grey, crosses, self.beside)[2].reshape(2, len(seeds), 2)
@@ -141,21 +138,21 @@ class Grower:
         return np.asarray(seeds[(rise > np.maximum(0.3 * usual, 0.0)[:, None]).all(axis=(0, 2))])
 
     def _ring(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
-        """``lattice`` with the corners found one step, or else two steps, beyond its own."""
+        """``lattice`` with the corners found one step, or failing that two steps, beyond it."""
         for reach in (1, 2):
             beyond = frontier(lattice.index, reach, banned)
             if not len(beyond):
                 continue
             expected = predict(lattice.index, lattice.uv, beyond)
             uv, found = self.match(beyond, expected, lattice)
-            if not found.any() and len(lattice) >= FEWEST:
+            if not found.any() and len(lattice) >= FEWEST_CORNERS:
                 uv, found = self._search(beyond, expected, lattice)
             if found.any():
                 return lattice.joined(beyond[found], uv[found])
         return lattice
 
     def match(self, index: Ints, expected: Prediction, lattice: Lattice) -> tuple[Floats, Bools]:
-        """The candidates inside the gates, with the colours and edges that belong there."""
+        """The nearest candidates (n, 2) px, and which (n,) are inside the gates with the right colours and edges."""
         distance, nearest = self.tree.query(expected.uv)
         hessian = expected.jacobian.transpose(0, 2, 1) @ self.candidates.hessian[nearest] @ expected.jacobian
         mixed = hessian[:, 0, 1] * signs(index, lattice.phase)
@@ -165,8 +162,8 @@ class Grower:
         return self.candidates.uv[nearest], found
 
     def _search(self, index: Ints, expected: Prediction, lattice: Lattice) -> tuple[Floats, Bools]:
-        """Saddles fitted at the predicted places, in windows of the predicted scale and shear."""
-        frames = WINDOW * expected.jacobian
+        """Saddles (n, 2) px fitted in windows of the predicted position, scale and shear, and which (n,) are good."""
+        frames = SEARCH_WINDOW * expected.jacobian
         inside = _inside(self.grey, expected.uv, frames)
         usual = self._usual_strength(lattice)
         frames[~inside] = np.eye(2)
@@ -177,19 +174,19 @@ class Grower:
         return saddles.uv, inside & saddles.sound & near & clear
 
     def _usual_strength(self, lattice: Lattice) -> float:
-        """Median of the saddles' strength at corners spread over ``lattice``, in grey levels."""
-        some = lattice.select(np.arange(len(lattice)) % (1 + len(lattice) // ENOUGH) == 0)
+        """Median strength of the saddles at corners spread over ``lattice``, in grey levels."""
+        some = lattice.select(np.arange(len(lattice)) % (1 + len(lattice) // STRENGTH_SAMPLES) == 0)
         frames = predict(lattice.index, lattice.uv, some.index).jacobian
-        return float(np.median(np.abs(saddle_strength(self.grey, some.uv, WINDOW * frames))))
+        return float(np.median(np.abs(saddle_strength(self.grey, some.uv, SEARCH_WINDOW * frames))))
 
 
-def grower(grey: Grey, candidates: Candidates, *, beside: float = BESIDE, most: float = np.inf) -> Grower:
-    """A grower over ``grey`` with an index of its ``candidates``, of lattices of about ``most`` corners at most."""
+def grower(grey: Grey, candidates: Candidates, *, beside: float = BESIDE_EDGE, most: float = np.inf) -> Grower:
+    """A :class:`Grower` over ``grey`` and its ``candidates``, for lattices of about ``most`` corners at most."""
     return Grower(grey, candidates, cKDTree(candidates.uv), beside, most)
 
 
 def left_out(lattice: Lattice, at: Floats | None = None) -> Prediction:
-    """Where the other corners predict each corner; ``at`` (n, 2) as in :func:`regular`."""
+    """Each corner as predicted by the others; ``at`` (n, 2) as in :func:`regular`."""
     at = lattice.index.astype(np.float64) if at is None else at
     return predict(at, lattice.uv, at, leave_out=True)
 
@@ -201,10 +198,10 @@ def disorder(lattice: Lattice, expected: Prediction | None = None) -> float:
 
 
 def regular(lattice: Lattice, at: Floats | None = None, *, expected: Prediction | None = None) -> Bools:
-    """Which corners (n,) stand where the others, without them, predict them; the worst of each place is not.
+    """Which corners (n,) are where the others predict them; of neighbours that are not, only the worst is False.
 
-    ``at`` (n, 2) are the corners' places on the board where these are not their indices; ``expected`` is the
-    prediction, where it is known already.
+    ``at`` (n, 2) are the corners' positions on the board where these are not their indices; ``expected`` is the
+    prediction, if it is already known.
     """
     if len(lattice) < 6:
         return np.ones(len(lattice), dtype=bool)
@@ -212,7 +209,7 @@ def regular(lattice: Lattice, at: Floats | None = None, *, expected: Prediction 
     expected = left_out(lattice, at) if expected is None else expected
     miss = np.linalg.norm(lattice.uv - expected.uv, axis=1)
     score = miss / np.maximum(3 * expected.std, 0.05 * expected.spacing + 0.3)
-    # A wrong corner spoils the predictions of its neighbours: of those that miss, only the worst nearby goes.
+    # A wrong corner spoils the predictions of its neighbours: of those that miss, only the worst nearby is dropped.
     kept = np.asarray(score <= 1)
     missing = np.flatnonzero(~kept)
     close = cKDTree(at).query_ball_point(at[missing], 2, p=np.inf)
@@ -220,8 +217,8 @@ def regular(lattice: Lattice, at: Floats | None = None, *, expected: Prediction 
     return kept
 
 
-def bounded(grey: Grey, lattice: Lattice, beside: float = BESIDE) -> Bools:
-    """Which corners (n,) have black on one side and white on the other of most edges to their neighbours."""
+def bounded(grey: Grey, lattice: Lattice, beside: float = BESIDE_EDGE) -> Bools:
+    """Which corners (n,) have black on one side and white on the other side of most edges to their neighbours."""
     start, end, rise = _rises(grey, lattice, beside)
     if not len(rise):
         return np.zeros(len(lattice), dtype=bool)
@@ -232,8 +229,9 @@ def bounded(grey: Grey, lattice: Lattice, beside: float = BESIDE) -> Bools:
 
 
 def _next_corners(index: Ints) -> tuple[Ints, Ints]:
-    """Positions in ``index`` (n, 2) of the corners one column and one row on, and of those one back: (n, 2) each, -1
-    where there is none.
+    """Positions in ``index`` (n, 2) of the corners one column and one row on, and of those one back.
+
+    Both are (n, 2), and -1 where there is none.
     """
     at = index - index.min(axis=0) + 1
     table = np.full(at.max(axis=0) + 2, -1)
@@ -243,9 +241,7 @@ def _next_corners(index: Ints) -> tuple[Ints, Ints]:
 
 
 def _areas(uv: Floats, after: Ints, before: Ints) -> Floats:
-    """The area (n,) in px² of a square at each corner, by differences to its neighbours; nan where it has none along a
-    row or a column.
-    """
+    """Area (n,) in px² of a square at each corner, from its neighbours; nan where a row or column has none."""
     count = (after >= 0).astype(np.float64) + (before >= 0)
     apart = np.where((after >= 0)[:, :, None], uv[after], uv[:, None])
     apart -= np.where((before >= 0)[:, :, None], uv[before], uv[:, None])
@@ -255,7 +251,7 @@ def _areas(uv: Floats, after: Ints, before: Ints) -> Floats:
 
 
 def _rises(grey: Grey, lattice: Lattice, beside: float) -> tuple[Ints, Ints, Floats]:
-    """As :func:`_edge_rises`, for the edges along all rows and then for those along all columns."""
+    """:func:`_edge_rises` of the edges along all rows, followed by those along all columns."""
     after, before = _next_corners(lattice.index)
     area = _areas(lattice.uv, after, before)
     sides = [_edge_rises(grey, lattice, after[:, axis], area, beside, side) for axis, side in enumerate((1, -1))]
@@ -266,11 +262,10 @@ def _rises(grey: Grey, lattice: Lattice, beside: float) -> tuple[Ints, Ints, Flo
 def _edge_rises(
     grey: Grey, lattice: Lattice, after: Ints, area: Floats, beside: float, side: int
 ) -> tuple[Ints, Ints, Floats]:
-    """For the edges from corners to those ``after`` them: both positions (m,) in ``lattice`` and the rise of grey from
-    dark to bright.
+    """Positions (m,) in ``lattice`` of both ends of edges, and the rise (m,) of grey from dark to bright across them.
 
-    The rise is measured across the middle of the straight line between them, ``beside`` times the width of the squares
-    to each side. ``side`` is +1 along rows and -1 along columns.
+    The edges run from corners to those ``after`` them. The rise is measured across the middle of the straight line
+    between them, ``beside`` times the width of the squares to each side. ``side`` is +1 along rows, -1 along columns.
     """
     start = np.flatnonzero(after >= 0)
     end = after[start]
@@ -288,7 +283,7 @@ def _edge_rises(
 
 
 def _regular_crosses(candidates: Candidates, links: Ints) -> Ints:
-    """Candidates with neighbours on all four sides that know them too, the most regular first."""
+    """Candidates with mutual neighbours on all four sides, the most regular first."""
     complete = np.flatnonzero((links >= 0).all(axis=1))
     around = links[complete]
     mutual = (links[around] == complete[:, None, None]).any(axis=2).all(axis=1)
@@ -301,10 +296,10 @@ def _regular_crosses(candidates: Candidates, links: Ints) -> Ints:
 
 
 def _in_turn(candidates: Candidates, links: Ints, seeds: Ints) -> Ints:
-    """``seeds`` in another order: the first of each group of linked candidates, the group that covers most of the image
-    first, then the second of each, and so on.
+    """``seeds`` reordered: the first of each group of linked candidates, then the second of each, and so on.
 
-    So a pattern behind a board, of far more seeds, takes few more turns than the board.
+    The group that covers most of the image comes first. A pattern behind a board, which has far more seeds, therefore
+    takes little more time than the board.
     """
     group = _groups(candidates, links)[seeds]
     by_group = np.argsort(group, kind="stable")
@@ -317,12 +312,13 @@ def _in_turn(candidates: Candidates, links: Ints, seeds: Ints) -> Ints:
 
 
 def _groups(candidates: Candidates, links: Ints) -> Ints:
-    """A number (n,) for each candidate, the same for those that are linked both ways and of like contrast."""
+    """A group number (n,) for each candidate; candidates linked in both directions, of similar contrast, share one."""
     start, side = np.nonzero(links >= 0)
     end = links[start, side]
     contrast = candidates.contrast
     kept = (links[end] == start[:, None]).any(axis=1)
-    kept &= np.minimum(contrast[start], contrast[end]) > ALIKE * np.maximum(contrast[start], contrast[end])
+    lower, higher = np.minimum(contrast[start], contrast[end]), np.maximum(contrast[start], contrast[end])
+    kept &= lower > LEAST_CONTRAST_RATIO * higher
     count = len(candidates)
     graph = csr_array((np.ones(kept.sum(), dtype=bool), (start[kept], end[kept])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])
@@ -334,13 +330,13 @@ def _first_cross(candidates: Candidates, links: Ints, seed: int) -> Lattice:
 
 
 def frontier(index: Ints, reach: int, banned: set[tuple[int, int]]) -> Ints:
-    """Indices (m, 2) exactly ``reach`` steps along a row or column from a known one, and not yet known."""
+    """Indices (m, 2) exactly ``reach`` steps along a row or column from a known one, neither known nor ``banned``."""
     around = (index[:, None] + reach * SIDES).reshape(-1, 2)
     taken = np.concatenate([index, np.array(sorted(banned), dtype=np.int64).reshape(-1, 2)])
-    # One number for a pair, in the order of pairs.
-    new = np.setdiff1d(around @ [PAIR, 1], taken @ [PAIR, 1])
-    column = (new + PAIR // 2) // PAIR
-    return np.stack([column, new - column * PAIR], axis=1)
+    # One number per pair, in the order of the pairs.
+    new = np.setdiff1d(around @ [ROWS_PER_COLUMN, 1], taken @ [ROWS_PER_COLUMN, 1])
+    column = (new + ROWS_PER_COLUMN // 2) // ROWS_PER_COLUMN
+    return np.stack([column, new - column * ROWS_PER_COLUMN], axis=1)
 
 
 def _pairs(index: Ints) -> set[tuple[int, int]]:
@@ -348,18 +344,18 @@ def _pairs(index: Ints) -> set[tuple[int, int]]:
 
 
 def signs(index: Ints, phase: int) -> Floats:
-    """+1 where the squares up-left and down-right of an index are bright, else -1."""
+    """+1 (n,) where the squares up-left and down-right of an index (n, 2) are bright, else -1."""
     return np.where(index.sum(axis=1) % 2 == 0, 1.0, -1.0) * phase
 
 
 def gate(expected: Prediction) -> Floats:
-    """How far (m,) px from a prediction a corner may be."""
+    """Largest accepted distance (m,) in px of a corner from its prediction."""
     low, high = GATE
     return np.clip(6 * expected.std, low * expected.spacing, high * expected.spacing)
 
 
 def _inside(grey: Grey, uv: Floats, frames: Floats) -> Bools:
-    """Whether the windows (N, 2, 2) around ``uv`` lie in the image and are no degenerate slivers."""
+    """Whether the windows ``frames`` (N, 2, 2) around ``uv`` (N, 2) lie in the image and are not degenerate."""
     reach = np.abs(frames).sum(axis=2)
     size = np.array([grey.shape[1], grey.shape[0]]) - 1
     wide = np.linalg.norm(frames, axis=1).min(axis=1) >= 1.5
@@ -368,7 +364,7 @@ def _inside(grey: Grey, uv: Floats, frames: Floats) -> Bools:
 
 
 def _first_of_each(nearest: Ints, distance: Floats) -> Bools:
-    """Of the places that share a nearest candidate, the closest."""
+    """Which (n,) are the closest of those with the same ``nearest`` (n,) candidate."""
     order = np.argsort(distance)
     first = np.zeros(len(nearest), dtype=bool)
     first[order[np.unique(nearest[order], return_index=True)[1]]] = True

@@ -1,4 +1,4 @@
-"""What detectors look at: one grey channel, whatever the image's depth and colours."""
+"""The input of all detectors: one grey channel, whatever the image's depth and colours."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 Grey = NDArray[np.float32]
 """(height, width) float32, in the grey levels of the image."""
 
+SMALLEST_SIDE = 24
+"""Images with a side below this (px) are too small to show the corners of a board."""
+
 
 def grey_levels(image: NDArray[Any]) -> Grey:
-    """One float32 channel of ``image``, (height, width) or (height, width, 3 or 4) in BGR, uint8, uint16 or
-    float.
+    """The grey levels of ``image`` as one float32 channel.
 
-    Values that are not finite count as 0. Raises ValueError for another shape.
+    ``image`` is (height, width) or (height, width, 1, 3 or 4), BGR, of type uint8, uint16 or float. Values that are not
+    finite become 0. Raises ValueError for another shape.
     """
     import cv2
 
@@ -30,20 +33,26 @@ def grey_levels(image: NDArray[Any]) -> Grey:
 
 
 def stretched(grey: Grey) -> NDArray[np.uint8]:
-    """``grey`` as uint8, its central 99 % of values spread over the whole range, so that dark pictures show
-    too.
-    """
+    """``grey`` as uint8, with the central 99 % of its values stretched to the full range, for dark images."""
     step = max(1, int(np.sqrt(grey.size / 250_000)))
     low, high = np.percentile(grey[::step, ::step], [0.5, 99.5])
     scale = 255.0 / max(float(high - low), 1e-6)
     return np.asarray(np.clip((grey - low) * scale, 0, 255), dtype=np.uint8)
 
 
-def reduced(grey: Grey, level: int) -> Grey:
-    """``grey`` at 1/2^``level`` of its size, each pixel the mean of those it covers; a rest at the right and below is
-    cut off.
+def halvings(grey: Grey, side: int) -> int:
+    """How often ``grey`` has to be halved for its width and height to be at most ``side`` px."""
+    level = 0
+    while max(grey.shape) / 2**level > side:
+        level += 1
+    return level
 
-    The place uv px of ``grey`` is (uv + 0.5) / 2^``level`` - 0.5 of the result.
+
+def reduced(grey: Grey, level: int) -> Grey:
+    """``grey`` at 1/2^``level`` of its size, each pixel the mean of those that it covers.
+
+    Rows and columns left over at the bottom and the right are dropped. The pixel uv of ``grey`` is
+    (uv + 0.5) / 2^``level`` - 0.5 in the result.
     """
     import cv2
 

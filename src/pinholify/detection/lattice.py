@@ -1,17 +1,17 @@
-"""A lattice of corners as it was found, and its ids on the board that was asked for.
+"""A lattice of corners as it was found, and its ids on the requested board.
 
-An index (column, row) may start anywhere and point anywhere at first; only its handedness is fixed: columns ×
-rows turn clockwise in the image, as x to the right and y down do.
+The origin and the direction of the indices (column, row) are arbitrary at first; only their handedness is fixed: the
+turn from columns to rows is clockwise in the image, as from x (right) to y (down).
 
-Conventions for the ids (``interfaces.md`` of the project fixes the rest). What colour can tell, it decides:
-on a board of an odd sum of columns and rows, and on a square board of an odd number, the square beyond corner
-id 0, outside the lattice's corner, is black. What it cannot tell, the image decides: id 0 is the possible
-corner nearest to the image's top left, and the result says that the orientation is assumed.
+Ids are row-major, id = row · columns + column. Where the colours determine the orientation, they decide it: if the sum
+of columns and rows is odd, and on square boards with an odd number of columns, the square diagonally beyond corner 0 is
+black. Otherwise corner 0 is the possible one nearest to the image's top left, and the result is marked as an assumed
+orientation.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from pinholify.board import Board
 class Lattice:
     """Corners with lattice ``index`` (n, 2) int64, ``uv`` (n, 2) px, ``weights`` (n,), and colours.
 
-    ``phase`` is +1 where the square up and left of an index of even sum is bright, else -1.
+    ``phase`` is +1 if the square up and left of an index of even sum is bright, else -1.
     """
 
     index: Ints
@@ -37,36 +37,39 @@ class Lattice:
 
     @property
     def extent(self) -> tuple[int, int]:
-        """Columns and rows from the first to the last corner."""
+        """Number of columns and rows from the first to the last corner."""
         columns, rows = np.ptp(self.index, axis=0) + 1
         return int(columns), int(rows)
 
     def select(self, keep: Bools) -> Lattice:
         """The corners where ``keep`` (n,) is true."""
-        return Lattice(self.index[keep], self.uv[keep], self.weights[keep], self.phase)
+        return replace(self, index=self.index[keep], uv=self.uv[keep], weights=self.weights[keep])
 
     def joined(self, index: Ints, uv: Floats) -> Lattice:
-        """These corners and those at ``index`` (m, 2) and ``uv`` (m, 2), of weight 1."""
-        indices, places = np.concatenate([self.index, index]), np.concatenate([self.uv, uv])
-        return Lattice(indices, places, np.concatenate([self.weights, np.ones(len(index))]), self.phase)
+        """These corners and those of ``index`` (m, 2) at ``uv`` (m, 2) px, of weight 1."""
+        return replace(
+            self,
+            index=np.concatenate([self.index, index]),
+            uv=np.concatenate([self.uv, uv]),
+            weights=np.concatenate([self.weights, np.ones(len(index))]),
+        )
 
     def moved(self, uv: Floats, weights: Floats | None = None) -> Lattice:
-        """The same corners at the places ``uv`` (n, 2), of new ``weights`` (n,) where given."""
-        return Lattice(self.index, uv, self.weights if weights is None else weights, self.phase)
+        """The same corners at the pixels ``uv`` (n, 2), with new ``weights`` (n,) where given."""
+        return replace(self, uv=uv, weights=self.weights if weights is None else weights)
 
     def shifted(self, by: tuple[int, int]) -> Lattice:
         """The same corners with ``by`` added to every index."""
-        return Lattice(self.index + np.array(by), self.uv, self.weights, self.phase * (-1) ** (sum(by) % 2))
+        return replace(self, index=self.index + np.array(by), phase=self.phase * (-1) ** (sum(by) % 2))
 
     def turned(self) -> Lattice:
-        """The same corners counted after a quarter turn: rows become columns, columns backwards become rows.
-        """
+        """The same corners numbered after a quarter turn: rows become columns, reversed columns become rows."""
         turned = np.stack([self.index[:, 1], -self.index[:, 0]], axis=1)
-        return Lattice(turned, self.uv, self.weights, -self.phase)
+        return replace(self, index=turned, phase=-self.phase)
 
     def reflected(self) -> Lattice:
-        """The same corners counted from the other end of each row, for a board seen in a mirror."""
-        return Lattice(self.index * np.array([-1, 1]), self.uv, self.weights, -self.phase)
+        """The same corners numbered from the other end of each row, for a board seen in a mirror."""
+        return replace(self, index=self.index * np.array([-1, 1]), phase=-self.phase)
 
     def at_origin(self) -> Lattice:
         """The same corners with the smallest column and row at 0."""
@@ -79,7 +82,7 @@ class Lattice:
 
 
 def turns(lattice: Lattice, *, mirrored: bool) -> list[Lattice]:
-    """The four ways to count ``lattice`` with the handedness of a board seen directly, or in a mirror."""
+    """The four numberings of ``lattice`` with the handedness of a board seen directly, or in a mirror."""
     ways = [lattice.reflected() if mirrored else lattice]
     for _ in range(3):
         ways.append(ways[-1].turned())
@@ -87,9 +90,9 @@ def turns(lattice: Lattice, *, mirrored: bool) -> list[Lattice]:
 
 
 def orient(ways: list[Lattice], board: Board) -> tuple[Lattice, bool]:
-    """Of the possible ``ways``, all with final indices on ``board``, the one that the conventions choose.
+    """The one of the possible numberings ``ways``, all with final indices on ``board``, that the conventions choose.
 
-    The second value says whether the image, not the colours, had to choose.
+    The second value is whether it was chosen by the image rather than by the colours.
     """
     if board.orientable or board.columns == board.rows:
         ways = [way for way in ways if way.phase < 0] or ways
@@ -97,9 +100,7 @@ def orient(ways: list[Lattice], board: Board) -> tuple[Lattice, bool]:
 
 
 def _distance_of_origin(lattice: Lattice) -> float:
-    """Distance (px) of index (0, 0) from the image's top left; by an affine fit where that corner is not
-    seen.
-    """
+    """Distance (px) of index (0, 0) from the image's top left; by an affine fit where that corner is not visible."""
     first = (lattice.index == 0).all(axis=1)
     if first.any():
         return float(np.linalg.norm(lattice.uv[first][0]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -12,30 +12,30 @@ from numpy.typing import NDArray
 from pinholify.arrays import Bools, Floats, Ints
 
 CELL = 8
-"""Pixels a marker's cell is drawn with to be read: bent edges leave fewer good ones in it than OpenCV's four."""
+"""Pixels per cell at which a marker is resampled to be read: with OpenCV's four, bent edges spoil too many of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Markers:
-    """Markers of one ``dictionary``: ``number`` (n,), and ``quads`` (n, 4, 2) px, clockwise from their top left."""
+    """Markers of one ``dictionary``: ``number`` (n,) and ``quads`` (n, 4, 2) px, clockwise from their top left."""
 
     dictionary: str
     number: Ints
     quads: Floats
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Number of markers."""
         return len(self.number)
 
     def select(self, keep: Bools | Ints) -> Markers:
         """The markers at ``keep``."""
-        return Markers(self.dictionary, self.number[keep], self.quads[keep])
+        return replace(self, number=self.number[keep], quads=self.quads[keep])
 
 
 def read_markers(picture: NDArray[np.uint8], dictionaries: Sequence[str], *, border: int = 1) -> tuple[Markers, ...]:
-    """The markers of each of ``dictionaries`` (names in ``board.MARKERS``), the largest of each number.
+    """The markers of each of ``dictionaries`` (names in ``board.MARKERS``); of each number the largest.
 
-    ``border`` is how many black cells surround their codes.
+    ``border`` is the number of black cells around their codes.
     """
     parameters = cv2.aruco.DetectorParameters()
     parameters.markerBorderBits = border
@@ -51,7 +51,7 @@ def read_markers(picture: NDArray[np.uint8], dictionaries: Sequence[str], *, bor
 
 
 def _largest_of_each(markers: Markers) -> Markers:
-    """``markers`` with each number once."""
+    """The largest of the ``markers`` of each number."""
     x, y = np.moveaxis(markers.quads, 2, 0)
     area = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))
     order = np.argsort(-area, kind="stable")

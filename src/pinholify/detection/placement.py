@@ -1,9 +1,8 @@
 """Which part of the board a lattice shows: its corners' ids, or why it cannot be that board.
 
-A lattice of the board's full extent needs nothing more. A smaller one is placed by the board's ends where it
-sees them, and by colour on a board whose colours orient it; where several places remain, the first is taken
-and marked. The board ends where its squares run into a white margin; an end of another kind may as well be a
-hand's, a mat's or a shadow's, and tells nothing.
+A lattice of the board's full extent needs nothing more. A smaller one is placed by the visible ends of the board, and
+by colour on a board whose colours orient it; where several places remain, the first is taken and marked. The board
+ends where its squares meet a white margin; any other end may be that of a hand, a mat or a shadow, and is ignored.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 
 from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import Board
-from pinholify.corners import Corners, not_found
+from pinholify.corners import Corners, not_found, sorted_by_id
 from pinholify.detection.growth import signs
 from pinholify.detection.intensity import Grey
 from pinholify.detection.lattice import Lattice, orient, turns
@@ -22,45 +21,41 @@ from pinholify.detection.prediction import predict
 from pinholify.detection.saddle import sample
 
 FEWEST_OF_PART = 12
-"""Corners below which a part of a board is not believed."""
-
-LARGER = "is larger than"
+"""Corners below which a part of a board is rejected."""
 
 STEPS = np.arange(0.25, 1.21, 0.05)
-"""Squares beyond the last corners where grey is read: through the outermost square and into the margin."""
+"""Distances (squares) beyond the last corners at which grey is read: across the outermost square into the margin."""
 
-OWN = 3
-"""Of these, the first that tell how bright the outermost squares are."""
+OWN_STEPS = 3
+"""The first of these, which give the brightness of the outermost squares."""
 
-WIDTH = 0.2
-"""Squares behind an edge within which the margin has to be white: it may be as thin as that."""
+MARGIN_WIDTH = 0.2
+"""Squares behind an edge within which the margin has to be white; the thinnest margin that is recognised."""
 
-BLUR = 0.05
-"""Squares behind an edge where a board that goes on is darker than a margin."""
+EDGE_BLUR = 0.05
+"""Squares behind an edge that its blur may darken."""
 
-WHITE = 0.3
-"""Of the contrast: how far the margin's brightness may be from the bright squares'."""
+WHITE_TOLERANCE = 0.3
+"""How far the margin's brightness may be from that of the bright squares, as a share of the contrast."""
 
-STRAIGHT = 0.1
-"""Squares by which the ends of a side's squares may differ; the edge of a thing before the board is rarely so parallel.
-"""
+EDGE_TOLERANCE = 0.1
+"""Squares by which the ends of a side's squares may differ; an occluding edge is rarely so parallel."""
 
-FULL = 0.12
-"""Squares by which the outermost squares may differ from full width where they tell that they are the outermost."""
+FULL_WIDTH_TOLERANCE = 0.12
+"""Squares by which the width of the outermost squares may differ from 1."""
 
-MOST = 0.65
-"""Of a side's squares, that have to end in the margin."""
+LEAST_END_SHARE = 0.65
+"""Smallest share of a side's squares that have to end in the margin."""
 
-STRAY = 0.34
-"""An outer line with less than this fraction of its neighbour's corners may be none of the board's."""
+STRAY_SHARE = 0.34
+"""An outer line with less than this share of its neighbour's corners may not belong to the board."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ends:
-    """How many squares beyond a lattice's first and last column, and its first and last row, a white margin begins.
+    """Squares from a lattice's first and last column, and its first and last row, to a white margin; 0 without one.
 
-    0 where none is seen to. Only 1, as a rule, tells that these are the board's last corners: squares of another width
-    may be cut by what stands before them.
+    Only a width of about 1 indicates the board's last corners: squares of another width may be partly hidden.
     """
 
     left: float
@@ -70,16 +65,15 @@ class Ends:
 
     @property
     def whole(self) -> bool:
-        """Whether there is a margin on all sides, with squares of one width, or cut ones, on both of opposite sides."""
+        """Whether there are margins on all sides, and opposite sides both have full squares or both partial ones."""
         seen = self.left and self.right and self.top and self.bottom
         return bool(seen) and _full(self.left) == _full(self.right) and _full(self.top) == _full(self.bottom)
 
 
 def place(grey: Grey, lattice: Lattice, board: Board, *, name: str, mirrored: bool) -> Corners:
-    """The corners of ``lattice`` with their ids on ``board``; without corners and with a reason where it is
-    another.
+    """The corners of ``lattice`` with their ids on ``board``, or the reason why it is not that board.
 
-    ``grey`` (height, width) shows whether the board ends beside the lattice.
+    ``grey`` (height, width) is used to see whether the board ends beside the lattice.
     """
     lattice = within_margins(grey, without_stray_lines(lattice, board).at_origin())
     size = (board.columns, board.rows)
@@ -90,14 +84,15 @@ def place(grey: Grey, lattice: Lattice, board: Board, *, name: str, mirrored: bo
         return _corners(chosen, board, name, assumed=assumed, ambiguous=False)
     fitting = [way for way in ways if way.extent[0] <= size[0] and way.extent[1] <= size[1]]
     if not fitting:
-        return not_found(name, f"a board of at least {_size(lattice)} corners {LARGER} {board.spec}")
+        reason = f"a board of at least {_size(lattice)} corners is larger than {board.spec}"
+        return not_found(name, reason, larger_board=True)
     if len(lattice) < FEWEST_OF_PART:
         return not_found(name, f"only {len(lattice)} corners of a board were found")
     return _part(grey, fitting, board, name)
 
 
 def _part(grey: Grey, fitting: list[Lattice], board: Board, name: str) -> Corners:
-    """The corners of a lattice smaller than ``board``, which may be counted in the ways ``fitting``."""
+    """The corners of a lattice smaller than ``board``, which may have the numberings ``fitting``."""
     lattice = fitting[0]
     seen = [ends(grey, way) for way in fitting]
     placed = [places for way, sides in zip(fitting, seen, strict=True) if (places := _shifts(way, board, sides))]
@@ -107,16 +102,15 @@ def _part(grey: Grey, fitting: list[Lattice], board: Board, name: str) -> Corner
     if ambiguous and 2 * len(lattice) < board.columns * board.rows:
         return not_found(
             name,
-            f"only {len(lattice)} of {board.columns * board.rows} corners are seen, and which ones cannot be told",
+            f"only {len(lattice)} of {board.columns * board.rows} corners are visible, and which ones cannot be "
+            "determined",
         )
     chosen, _ = orient([places[0] for places in placed], board)
     return _corners(chosen, board, name, assumed=ambiguous or not board.orientable, ambiguous=ambiguous)
 
 
 def without_stray_lines(lattice: Lattice, board: Board) -> Lattice:
-    """``lattice`` without sparse outer lines, as long as it is larger than ``board`` whichever way it is
-    turned.
-    """
+    """``lattice`` without sparse outer lines, as long as it is too large for ``board`` in either orientation."""
     longest, shortest = max(board.columns, board.rows), min(board.columns, board.rows)
     while max(lattice.extent) > longest or min(lattice.extent) > shortest:
         too_long = max(lattice.extent) > longest
@@ -125,14 +119,14 @@ def without_stray_lines(lattice: Lattice, board: Board) -> Lattice:
         counts = np.bincount(line - line.min())
         last_is_sparser = counts[-1] < counts[0]
         outer, next_to_it = (counts[-1], counts[-2]) if last_is_sparser else (counts[0], counts[1])
-        if outer >= STRAY * next_to_it:
+        if outer >= STRAY_SHARE * next_to_it:
             break
         lattice = lattice.select(line != (line.max() if last_is_sparser else line.min()))
     return lattice
 
 
 def within_margins(grey: Grey, lattice: Lattice) -> Lattice:
-    """``lattice``, which starts at (0, 0), without a corner that stands alone beyond the board's end."""
+    """``lattice``, which starts at (0, 0), without single corners beyond the board's ends."""
     for axis in (0, 1):
         for last in (False, True):
             line = lattice.index[:, axis]
@@ -144,16 +138,16 @@ def within_margins(grey: Grey, lattice: Lattice) -> Lattice:
 
 
 def ends(grey: Grey, lattice: Lattice) -> Ends:
-    """Where the board is seen to end on each side of ``lattice``, which starts at (0, 0)."""
+    """Where the board ends on each side of ``lattice``, which starts at (0, 0)."""
     left, right, top, bottom = (_end(grey, lattice, axis, last=last) for axis in (0, 1) for last in (False, True))
     return Ends(left, right, top, bottom)
 
 
 def _end(grey: Grey, lattice: Lattice, axis: int, *, last: bool) -> float:
-    """Squares from the first column (``axis`` 0) or row, or from the ``last``, to a white margin; 0 without one.
+    """Squares from the first or ``last`` column (``axis`` 0) or row to a white margin; 0 without one.
 
-    Along most of that line squares alternate outside it, and end in the margin. So a shadow, a mat or a hand does not
-    pass for the board's end.
+    Most of the squares outside that line have to alternate and to end in the margin, so that a shadow, a mat or a hand
+    is not taken for the board's end.
     """
     line = _pairs_of_line(lattice, axis, last=last)
     if len(line) < 2:
@@ -168,12 +162,12 @@ def _end(grey: Grey, lattice: Lattice, axis: int, *, last: bool) -> float:
         return 0.0
     end, good = _margin(_relative(level, bright, line @ along), bright)
     side = lattice.extent[1 - axis] - 1
-    enough = MOST * max(len(line), side / 2 if _full(end) else side)
+    enough = LEAST_END_SHARE * max(len(line), side / 2 if _full(end) else side)
     return end if good[bright].any() and good[~bright].any() and good.sum() >= enough else 0.0
 
 
 def _pairs_of_line(lattice: Lattice, axis: int, *, last: bool) -> Ints:
-    """The corners (m, 2), in order, of the first or last column (``axis`` 0) or row that have a next one in it."""
+    """The corners (m, 2), in order, of the first or ``last`` column (``axis`` 0) or row that have a next one in it."""
     line = lattice.index[:, axis]
     outer = lattice.index[line == (line.max() if last else line.min())]
     along = outer[:, 1 - axis]
@@ -182,9 +176,7 @@ def _pairs_of_line(lattice: Lattice, axis: int, *, last: bool) -> Ints:
 
 
 def _across(grey: Grey, lattice: Lattice, middle: Floats, outward: Ints) -> tuple[Floats, Bools]:
-    """Grey (m, steps) at STEPS ``outward`` from each ``middle`` (m, 2) of a side of a square, and whether the image
-    shows them all.
-    """
+    """Grey (m, steps) at STEPS ``outward`` from the ``middle`` (m, 2) of squares' sides, and which (m,) are visible."""
     steps = middle[:, None] + STEPS[:, None] * outward
     places = predict(lattice.index, lattice.uv, steps.reshape(-1, 2)).uv
     size = np.array([grey.shape[1], grey.shape[0]]) - 1
@@ -194,8 +186,8 @@ def _across(grey: Grey, lattice: Lattice, middle: Floats, outward: Ints) -> tupl
 
 
 def _relative(level: Floats, bright: Bools, at: Ints) -> Floats:
-    """``level`` (m, steps) from 0 to 1, as dark and as bright as outer squares are near the places ``at`` (m,)."""
-    own = level[:, :OWN].mean(axis=1)
+    """``level`` (m, steps) scaled from 0, dark, to 1, bright, as the outer squares near ``at`` (m,) are."""
+    own = level[:, :OWN_STEPS].mean(axis=1)
     high, low = (np.interp(at, at[some], own[some]) for some in (bright, ~bright))
     return np.asarray((level - low[:, None]) / np.maximum(high - low, 1e-6)[:, None])
 
@@ -207,15 +199,15 @@ def _margin(level: Floats, bright: Bools) -> tuple[float, Bools]:
     """
     edge = STEPS[(level[~bright] > 0.5).argmax(axis=1)] - (STEPS[1] - STEPS[0]) / 2
     end = float(np.median(edge))
-    white = np.asarray(np.abs(level - 1) < WHITE)
-    behind = (end < STEPS) & (end + WIDTH > STEPS)
-    good = np.array(white[:, end + BLUR > STEPS].all(axis=1), dtype=bool)
-    good[~bright] = (np.abs(edge - end) < STRAIGHT) & white[~bright][:, behind].any(axis=1)
+    white = np.asarray(np.abs(level - 1) < WHITE_TOLERANCE)
+    behind = (end < STEPS) & (end + MARGIN_WIDTH > STEPS)
+    good = np.array(white[:, end + EDGE_BLUR > STEPS].all(axis=1), dtype=bool)
+    good[~bright] = (np.abs(edge - end) < EDGE_TOLERANCE) & white[~bright][:, behind].any(axis=1)
     return end, good
 
 
 def _shifts(way: Lattice, board: Board, seen: Ends) -> list[Lattice]:
-    """``way`` at each place on ``board`` where the ends that it sees, and its colours, allow it to be."""
+    """``way`` at each place on ``board`` that its colours and the visible ends ``seen`` allow."""
     columns, rows = way.extent
     across = _offsets(board.columns - columns, _full(seen.left), _full(seen.right))
     down = _offsets(board.rows - rows, _full(seen.top), _full(seen.bottom))
@@ -232,12 +224,12 @@ def _offsets(room: int, at_start: bool, at_end: bool) -> list[int]:
 
 
 def _full(width: float) -> bool:
-    """Whether the outermost squares are as wide as all."""
-    return abs(width - 1) < FULL
+    """Whether ``width`` is that of a whole square."""
+    return abs(width - 1) < FULL_WIDTH_TOLERANCE
 
 
 def _symmetries(board: Board) -> int:
-    """Ways to turn ``board`` that no picture of all of it can tell apart."""
+    """Number of orientations of ``board`` that look the same in an image of all of it."""
     if board.orientable:
         return 1
     return 4 if board.columns == board.rows and board.columns % 2 == 0 else 2
@@ -249,6 +241,12 @@ def _size(lattice: Lattice) -> str:
 
 
 def _corners(lattice: Lattice, board: Board, name: str, *, assumed: bool, ambiguous: bool) -> Corners:
-    ids = lattice.ids(board)
-    order = np.argsort(ids)
-    return Corners(name, ids[order], lattice.uv[order], lattice.weights[order], "", assumed, ambiguous)
+    corners = Corners(
+        name,
+        lattice.ids(board),
+        lattice.uv,
+        lattice.weights,
+        orientation_assumed=assumed,
+        ambiguous_offset=ambiguous,
+    )
+    return sorted_by_id(corners)

@@ -1,9 +1,9 @@
 """A small Gaussian process from lattice index to pixel: where the next corner of a lattice must be.
 
-Each prediction conditions on the known corners nearest to it: a linear trend without preference plus a
-squared exponential of a few squares, whose amplitude is estimated from those same corners. The uncertainty
-therefore grows by itself where the lens bends the lattice, and with the distance from what is known
-(Rasmussen & Williams, 2006, sections 2.2 and 2.7).
+Each prediction is conditioned on the nearest known corners: a linear trend with a vague prior plus a squared
+exponential with a length scale of a few squares, whose amplitude is estimated from the same corners. The uncertainty
+therefore grows where the lens bends the lattice, and with the distance from the known corners (Rasmussen & Williams,
+2006, sections 2.2 and 2.7).
 """
 
 from __future__ import annotations
@@ -15,27 +15,31 @@ from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats, Ints
 
-NEAREST = 24
+NEAREST_CORNERS = 24
+"""Corners that a prediction is conditioned on."""
+
 LENGTH_SCALE = 4.0
+"""Of the squared exponential, in squares."""
+
 NUGGET = 1e-5
-"""Noise variance as a fraction of the amplitude's square."""
+"""Noise variance ÷ squared amplitude."""
 
 TREND = 1e4
-"""Prior variance of the linear trend, likewise: as good as unknown."""
+"""Prior variance of the linear trend ÷ squared amplitude: a vague prior."""
 
 PRIOR_AMPLITUDE = 0.2
-"""Of the bending, as a fraction of the spacing, before corners tell; weighs as much as four corners."""
+"""Prior of the squared exponential's amplitude, as a fraction of the spacing."""
 
 PRIOR_WEIGHT = 4.0
+"""Number of corners that this prior counts for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """For m lattice indices: ``uv`` (m, 2) px, its standard deviation ``std`` (m,) px, and ``jacobian`` (m,
-    2, 2).
+    """Predicted pixels ``uv`` (m, 2) of m lattice indices, with standard deviations ``std`` (m,) px.
 
-    The columns of the Jacobian are the steps in px to the next column and to the next row; ``spacing`` (m,)
-    is the distance in px from the nearest known corner, for one step of the lattice.
+    The columns of ``jacobian`` (m, 2, 2) are the steps in px to the next column and to the next row; ``spacing`` (m,)
+    is the distance in px to the nearest known corner ÷ the number of lattice steps to it.
     """
 
     uv: Floats
@@ -45,10 +49,9 @@ class Prediction:
 
 
 def predict(known: Floats | Ints, uv: Floats, query: Floats | Ints, *, leave_out: bool = False) -> Prediction:
-    """Predicts the pixels of the indices ``query`` (m, 2) from ``uv`` (n, 2) px at the indices ``known`` (n,
-    2).
+    """The pixels of the indices ``query`` (m, 2), predicted from ``uv`` (n, 2) px of the indices ``known`` (n, 2).
 
-    With ``leave_out`` a known corner does not take part in its own prediction.
+    With ``leave_out`` a known corner is not used for its own prediction.
     """
     offset, place = _nearest(known, uv, np.asarray(query, dtype=np.float64), leave_out=leave_out)
     centre = place.mean(axis=1)
@@ -61,7 +64,7 @@ def predict(known: Floats | Ints, uv: Floats, query: Floats | Ints, *, leave_out
     spacing = _spacing(offset, place, mean)
     misfit = (place * alpha).sum(axis=(1, 2)) / 2 + PRIOR_WEIGHT * (PRIOR_AMPLITUDE * spacing) ** 2
     amplitude = np.sqrt(misfit / (max(offset.shape[1] - 3, 0) + PRIOR_WEIGHT))
-    # Beyond the nearest corner bending is extrapolated too far: the slope is taken half way to it.
+    # The slope is taken half way to the nearest corner: beyond that, bending is extrapolated too far.
     nearest = (offset**2).sum(axis=2).argmin(axis=1)
     halfway = offset[np.arange(len(offset)), nearest] / 2
     jacobian = _slope(offset, alpha, halfway)
@@ -69,9 +72,9 @@ def predict(known: Floats | Ints, uv: Floats, query: Floats | Ints, *, leave_out
 
 
 def local_frames(known: Floats | Ints, uv: Floats) -> tuple[Floats, Floats]:
-    """First and second derivatives of the predicted pixel at each known corner: (n, 2, 2) and (n, 2, 3) px.
+    """First (n, 2, 2) and second (n, 2, 3) derivatives in px of the predicted pixel at each known corner.
 
-    The last axis of the second is for two column steps, one of each, and two row steps.
+    The last axis of the second derivatives is by column twice, by column and row, and by row twice.
     """
     offset, place = _nearest(known, uv, known.astype(np.float64), leave_out=False)
     alpha = np.linalg.solve(_kernel(offset), place - place.mean(axis=1, keepdims=True))
@@ -83,8 +86,8 @@ def local_frames(known: Floats | Ints, uv: Floats) -> tuple[Floats, Floats]:
 
 
 def _nearest(known: Floats | Ints, uv: Floats, query: Floats, *, leave_out: bool) -> tuple[Floats, Floats]:
-    """Offsets (m, k, 2) of the k nearest known corners from each query, and their pixels (m, k, 2)."""
-    count = min(NEAREST, len(known) - leave_out)
+    """Offsets (m, k, 2) of the k nearest known corners from each of ``query`` (m, 2), and their pixels (m, k, 2)."""
+    count = min(NEAREST_CORNERS, len(known) - leave_out)
     distance, near = cKDTree(known).query(query, k=np.arange(1, count + leave_out + 1))
     if leave_out:
         # The nearest is the known corner itself, or else the farthest is one too many.
@@ -100,8 +103,7 @@ def _bending(squared: Floats) -> Floats:
 
 
 def _kernel(offset: Floats) -> Floats:
-    """Covariances (m, k, k) of the known corners at ``offset`` (m, k, 2), in units of the squared amplitude.
-    """
+    """Covariances (m, k, k) of the known corners at ``offset`` (m, k, 2), in units of the squared amplitude."""
     products = offset @ offset.transpose(0, 2, 1)
     own = np.einsum("mkk->mk", products)
     bending = _bending(own[:, :, None] + own[:, None] - 2 * products)
@@ -116,8 +118,7 @@ def _slope(offset: Floats, alpha: Floats, at: Floats) -> Floats:
 
 
 def _spacing(offset: Floats, place: Floats, mean: Floats) -> Floats:
-    """Distance (m,) of ``mean`` (m, 2) from the nearest corner of another index, for one step of the lattice.
-    """
+    """Distance (m,) of ``mean`` (m, 2) from the nearest corner of another index ÷ lattice steps to it."""
     steps = np.sqrt((offset**2).sum(axis=2))
     steps[steps == 0] = np.inf
     row, nearest = np.arange(len(offset)), steps.argmin(axis=1)

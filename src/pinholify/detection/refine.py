@@ -1,6 +1,4 @@
-"""The last step of detection: a grown lattice's corners fitted at full size, weighed, and the unfit ones
-dropped.
-"""
+"""The last step of detection: a grown lattice's corners are fitted at full resolution, weighted and filtered."""
 
 from __future__ import annotations
 
@@ -18,40 +16,36 @@ from pinholify.detection.saddle import refine_saddles
 from pinholify.detection.windows import Windows
 
 FIRST_WINDOW = 0.15
-"""Half window, as a fraction of the spacing, of the quadratic fit that brings corners within reach of the
-last fit.
-"""
+"""Half window, as a fraction of the spacing, of the quadratic fit that brings corners within reach of the last fit."""
 
 WINDOW = 0.33
-"""Half window of the last fit, likewise: the lines of a third of a square each way."""
+"""Half window of the last fit, likewise: a third of a square of each line in each direction."""
 
-WIDEST = 60.0
-"""Half windows are no wider than this, in px."""
+WIDEST_WINDOW_PX = 60.0
+"""Largest half window."""
 
-STRAIGHT, NARROW = 0.25, 20.0
-"""Nor wider than where the board's lines bend by the first, unless that is narrower than the second, in px: what bends
-so much has a third derivative too, which no fit knows.
+MOST_BEND_PX, NARROW_WINDOW_PX = 0.25, 20.0
+"""Half windows end where the board's lines deviate from straight by the first, but not below the second.
+
+Lines that bend so much have a notable third derivative too, which the fit does not model.
 """
 
-SPOILT = 1.4
-"""A window whose misfit is so many times the usual holds something else beside its corner."""
+SPOILT_RATIO = 1.4
+"""A window whose misfit exceeds the median by this factor contains more than its corner."""
 
-FLOOR = 0.03
-"""px. What no fit sees: print, pixel response, the model. A corner fitted better than this gains nothing by
-it.
-"""
+STD_FLOOR_PX = 0.03
+"""Errors that the fit cannot see: print, pixel response, the model. They limit a corner's weight."""
 
 
 def _indices(index: Ints) -> Floats:
-    """The places of corners that stand on a square lattice."""
+    """The positions of corners on a square lattice: their indices."""
     return index.astype(np.float64)
 
 
 def refine_lattice(grey: Grey, lattice: Lattice, places: Callable[[Ints], Floats] = _indices) -> Lattice:
-    """``lattice`` with fitted positions, weights FLOOR / √(FLOOR² + std²), and only corners that are true
-    corners.
+    """``lattice`` with fitted positions and weights, without what is not a corner.
 
-    ``places`` takes indices (n, 2) to places on the board (n, 2) where corners are unevenly spaced; its unit is the
+    ``places`` maps indices (n, 2) to positions on the board (n, 2) where corners are unevenly spaced; its unit is the
     square of which the windows are fractions.
     """
     at = places(lattice.index)
@@ -63,43 +57,41 @@ def refine_lattice(grey: Grey, lattice: Lattice, places: Callable[[Ints], Floats
 
 
 def settled(grey: Grey, uv: Floats, jacobian: Floats) -> Floats:
-    """``uv`` (n, 2) px moved to the saddles next to them, for those that have one; ``jacobian`` is that of the lattice.
-    """
+    """``uv`` (n, 2) px, moved to the nearest saddle where there is one; ``jacobian`` (n, 2, 2) is the lattice's."""
     length = np.linalg.norm(jacobian, axis=1).min(axis=1)
-    radius = np.clip(FIRST_WINDOW * length, 2.0, WIDEST)
+    radius = np.clip(FIRST_WINDOW * length, 2.0, WIDEST_WINDOW_PX)
     saddles = refine_saddles(grey, uv, jacobian * (radius / length)[:, None, None])
     return np.where(saddles.sound[:, None], saddles.uv, uv)
 
 
 def fit_corners(grey: Grey, uv: Floats, jacobian: Floats, second: Floats) -> Crossings:
-    """The edges that cross at ``uv`` (n, 2) px, along lines with the derivatives of :func:`local_frames`."""
+    """The edges that cross near ``uv`` (n, 2) px, along lines with the derivatives of :func:`local_frames`."""
     return _fit(grey, _windows(uv, jacobian, second, WINDOW))
 
 
 def weights(crossings: Crossings) -> Floats:
-    """FLOOR / √(FLOOR² + std²), (n,)."""
+    """Weights (n,): STD_FLOOR_PX / √(STD_FLOOR_PX² + std²)."""
     return _weight(crossings.std)
 
 
 def _weight(std: Floats) -> Floats:
-    return np.asarray(FLOOR / np.hypot(FLOOR, std))
+    return np.asarray(STD_FLOOR_PX / np.hypot(STD_FLOOR_PX, std))
 
 
 def _windows(uv: Floats, jacobian: Floats, second: Floats, fraction: float) -> Windows:
     length = np.linalg.norm(jacobian, axis=1)
     bends = np.linalg.norm(second[:, :, ::2], axis=1).max(axis=1, keepdims=True) / 2
-    straight = np.sqrt(STRAIGHT / np.maximum(bends, 1e-9))
-    part = np.minimum(fraction, np.minimum(WIDEST, np.maximum(straight * length, NARROW)) / length)
+    straight = np.sqrt(MOST_BEND_PX / np.maximum(bends, 1e-9))
+    part = np.minimum(fraction, np.minimum(WIDEST_WINDOW_PX, np.maximum(straight * length, NARROW_WINDOW_PX)) / length)
     products = np.stack([part[:, 0] ** 2 / 2, part[:, 0] * part[:, 1], part[:, 1] ** 2 / 2], axis=1)
     return Windows(uv, jacobian * part[:, None, :], second * products[:, None, :])
 
 
 def _fit(grey: Grey, windows: Windows) -> Crossings:
-    """Fits all corners; where a window is spoilt, by a finger or a glare, half the window is tried instead.
-    """
+    """Fits of all corners; where a finger or glare spoils a window, half the window is tried instead."""
     wide = fit_crossings(grey, windows)
     misfit = wide.residual / np.abs(wide.strength)
-    spoilt = np.flatnonzero(~wide.sound | (misfit > SPOILT * np.median(misfit)))
+    spoilt = np.flatnonzero(~wide.sound | (misfit > SPOILT_RATIO * np.median(misfit)))
     if not len(spoilt):
         return wide
     narrow = fit_crossings(grey, windows.select(spoilt).scaled(0.5))
@@ -108,10 +100,10 @@ def _fit(grey: Grey, windows: Windows) -> Crossings:
 
 
 def true_corners(lattice: Lattice, crossings: Crossings, usual: Bools | None = None) -> Bools:
-    """Which fits (n,) have the colours of their index, a tenth of the usual contrast, half of the usual weight.
+    """Which fits (n,) have the colours of their index, a tenth of the median contrast and half of the median weight.
 
-    Smaller windows leave a corner less well known: it is given the weight that it had if all were of the usual size.
-    ``usual`` (n,) are the corners that tell what is usual: all of them by default.
+    Smaller windows make a corner less accurate: for this comparison weights are converted to the median window size.
+    The medians are those of the corners ``usual`` (n,), by default of all.
     """
     usual = np.ones(len(lattice), dtype=bool) if usual is None else usual
     strength = crossings.strength * signs(lattice.index, lattice.phase)

@@ -1,9 +1,8 @@
 """Sub-pixel corner positions: where a chessboard's grey levels have their saddle point.
 
-All functions take a float32 grey image (height, width), positions uv (N, 2) in px and a frame per corner (N,
-2, 2) whose columns are the half axes of its window in px, laid along the board's lines where these are known.
-Windows are sampled on one normalised grid (s, t) ∈ [-1, 1]², so a fit is the same small linear map for every
-corner.
+All functions take a float32 grey image (height, width), positions uv (N, 2) in px and a frame (N, 2, 2) per corner,
+whose columns are the half axes of its window in px, along the board's lines where these are known. Windows are sampled
+on one normalised grid (s, t) ∈ [-1, 1]², so a fit is the same small linear map for every corner.
 """
 
 from __future__ import annotations
@@ -21,17 +20,17 @@ SAMPLES = 15
 
 ITERATIONS = 8
 
-SETTLED = 0.01
-"""A corner that moves less (px) in one step is left; one that still moves by ten times this is not sound."""
+SETTLED_PX = 0.01
+"""A corner that moves less in one step has converged; one that still moves by ten times this is not sound."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Saddles:
-    """Saddle points of ``uv`` (N, 2) px, each in its frame.
+    """Saddle points at ``uv`` (N, 2) px, each with its frame.
 
-    ``strength`` (N,): the fitted mixed term of s·t in grey levels, positive where the squares at (+s, +t) and
-    (-s, -t) are the bright ones. ``residual`` (N,): what the fit leaves, RMS in grey levels. ``sound`` (N,):
-    the fit settled on a saddle within its window.
+    ``strength`` (N,): the fitted coefficient of s·t in grey levels, positive if the squares at (+s, +t) and (-s, -t)
+    are the bright ones. ``residual`` (N,): RMS of the fit in grey levels. ``sound`` (N,): whether the fit converged to
+    a saddle within its window.
     """
 
     uv: Floats
@@ -49,9 +48,7 @@ def _grid() -> Floats:
 
 @cache
 def _quadratic_fit() -> tuple[Floats, Floats, Floats]:
-    """Design (n², 6) of 1, s, t, s²/2, st, t²/2; the weighted least-squares solution operator (6, n²); the
-    weights.
-    """
+    """Design (n², 6) of 1, s, t, s²/2, st, t²/2, the weighted least-squares operator (6, n²), and the weights (n²,)."""
     s, t = _grid().T
     design = np.stack([np.ones_like(s), s, t, s * s / 2, s * t, t * t / 2], axis=1)
     weight = np.exp(-(s * s + t * t) / (2 * 0.5**2))
@@ -60,7 +57,7 @@ def _quadratic_fit() -> tuple[Floats, Floats, Floats]:
 
 
 def sample(grey: Grey, uv: Floats) -> Floats:
-    """Grey levels at ``uv`` (..., 2) px by bilinear interpolation; the border is repeated outside."""
+    """Grey levels (...) at ``uv`` (..., 2) px by bilinear interpolation; the border is repeated outside."""
     height, width = grey.shape
     u = np.clip(uv[..., 0], 0.0, width - 1.0 - 1e-9 * width)
     v = np.clip(uv[..., 1], 0.0, height - 1.0 - 1e-9 * height)
@@ -81,11 +78,10 @@ def windows(grey: Grey, uv: Floats, frames: Floats) -> Floats:
 
 
 def refine_saddles(grey: Grey, uv: Floats, frames: Floats) -> Saddles:
-    """Moves each of ``uv`` to the saddle point of a weighted quadratic fit, re-centred until it stays.
+    """Each of ``uv`` moved to the saddle point of a weighted quadratic fit, re-centred until it converges.
 
-    An even surface about the corner has no linear term whatever its profile, so the re-centred fit has no
-    bias from blur, noise or the sharpness of the edges; only shading and curved edges shift it, by the square
-    of the window.
+    A surface that is even about the corner has no linear term whatever its profile, so neither blur nor the sharpness
+    of the edges biases the re-centred fit; only shading and curved edges shift it, with the square of the window.
     """
     design, operator, weight = _quadratic_fit()
     place = np.array(uv, dtype=np.float64)
@@ -93,7 +89,7 @@ def refine_saddles(grey: Grey, uv: Floats, frames: Floats) -> Saddles:
     coefficients, residual = np.zeros((len(place), 6)), np.full(len(place), np.inf)
     sound = np.ones(len(place), dtype=bool)
     for _ in range(ITERATIONS):
-        active = np.flatnonzero((last_step > SETTLED) & sound)
+        active = np.flatnonzero((last_step > SETTLED_PX) & sound)
         if not len(active):
             break
         patch = windows(grey, place[active], frames[active])
@@ -106,19 +102,16 @@ def refine_saddles(grey: Grey, uv: Floats, frames: Floats) -> Saddles:
         last_step[active] = np.linalg.norm(shift, axis=1)
         moved = np.linalg.solve(frames[active], (place[active] - uv[active])[:, :, None])[:, :, 0]
         sound[active] = saddle & (np.abs(moved) < 1.0).all(axis=1)
-    return Saddles(place, coefficients[:, 4], residual, sound & (last_step < 10 * SETTLED))
+    return Saddles(place, coefficients[:, 4], residual, sound & (last_step < 10 * SETTLED_PX))
 
 
 def saddle_strength(grey: Grey, uv: Floats, frames: Floats) -> Floats:
-    """The fitted mixed term (N,) of s·t in grey levels at ``uv``, as :class:`Saddles` has it, without moving.
-    """
+    """The ``strength`` (N,) of :class:`Saddles` at ``uv`` (N, 2) px, without moving them."""
     return np.asarray(windows(grey, uv, frames) @ _quadratic_fit()[1][4])
 
 
 def _newton_step(fit: Floats) -> tuple[Floats, Bools]:
-    """The step (N, 2) from the window's centre to the saddle, at most half a window, and whether it is a
-    saddle.
-    """
+    """The step (N, 2) from the window's centre to the saddle, at most half a window, and whether it is a saddle."""
     _, gs, gt, hss, hst, htt = fit.T
     determinant = hss * htt - hst * hst
     saddle = determinant < 0

@@ -1,38 +1,37 @@
-"""Windows around corners, and where their grey levels are read: most densely along the lines that cross there."""
+"""Windows around corners, and the places where their grey levels are read: densest along the lines that cross there."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
-from pinholify.arrays import Bools, Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints, selected
 from pinholify.detection.intensity import Grey
 from pinholify.detection.saddle import sample
 
-FEWEST, MOST = 700, 2400
-"""Places that are read in a window; of few the errors of interpolation do not average out."""
+FEWEST_SAMPLES, MOST_SAMPLES = 700, 2400
+"""Numbers of samples per window; the errors of interpolation do not average out over fewer."""
 
 DENSITY = 1.2
-"""Places a px² that are worth reading."""
+"""Samples per px² that are worth reading."""
 
-BAND = 5.0
-"""px to each side of the two lines in which places stay dense where a window is too wide for all of it to be so."""
+BAND_PX = 5.0
+"""Half width of the bands along the two lines that stay dense where a window is too wide to be dense all over."""
 
 LARGEST_SHARE = 1 / 3
-"""Of all places, those that are set aside for the band along one line."""
+"""Largest share of the samples that is reserved for the band along one line."""
 
-INDEPENDENT = 0.45
-"""Places a px² up to which each tells something of its own: interpolation has neighbours share their pixels' noise."""
+INDEPENDENT_DENSITY = 0.45
+"""Samples per px² up to which they are independent: interpolated neighbours share their pixels' noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Windows:
-    """Where to look: corners ``uv`` (n, 2) px, ``axes`` (n, 2, 2) px a window's half side, ``bend`` (n, 2, 3)
-    px.
+    """Curved windows around corners ``uv`` (n, 2) px: half sides ``axes`` (n, 2, 2) px and ``bend`` (n, 2, 3) px.
 
-    The point (s, t) of a window lies at uv + axes·(s, t) + bend·(s², st, t²).
+    The point (s, t) ∈ [-1, 1]² of a window lies at uv + axes·(s, t) + bend·(s², st, t²).
     """
 
     uv: Floats
@@ -41,28 +40,28 @@ class Windows:
 
     def scaled(self, factor: float) -> Windows:
         """The same windows, ``factor`` times as wide."""
-        return Windows(self.uv, self.axes * factor, self.bend * factor**2)
+        return replace(self, axes=self.axes * factor, bend=self.bend * factor**2)
 
     def select(self, keep: Ints) -> Windows:
-        """The windows at the positions ``keep``."""
-        return Windows(self.uv[keep], self.axes[keep], self.bend[keep])
+        """The windows at the positions ``keep`` (m,)."""
+        return selected(self, keep)
 
     @property
     def area(self) -> Floats:
-        """Area (n,) px²."""
+        """Areas (n,) in px²."""
         return np.asarray(4.0 * np.abs(np.linalg.det(self.axes)))
 
     def at(self, s: Floats, t: Floats) -> Floats:
-        """u and v (n, 2, m) px of ``s`` and ``t`` (n, m)."""
+        """u and v (n, 2, m) in px of the points ``s`` and ``t`` (n, m)."""
         powers = np.stack([np.ones_like(s), s, t, s * s, s * t, t * t], axis=1)
         return np.asarray(np.concatenate([self.uv[:, :, None], self.axes, self.bend], axis=2) @ powers)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """What n windows show: grey ``values`` (n, m) at places ``s`` and ``t`` (n, m), and which are ``inside`` the image.
+    """Samples of n windows: grey ``values`` (n, m) at ``s`` and ``t`` (n, m), and which are ``inside`` the image.
 
-    ``shared`` (n,) is how many of the places along the lines say no more than one would.
+    ``shared`` (n,) is the number of samples along the lines that carry the information of one.
     """
 
     s: Floats
@@ -73,28 +72,26 @@ class Samples:
 
 
 def worth_reading(windows: Windows) -> Ints:
-    """How many places are worth reading in each of ``windows``: (n,), hundreds, of which few sequences are kept."""
-    return np.clip(DENSITY * windows.area, FEWEST, MOST).astype(np.intp) // 100 * 100
+    """Number (n,) of samples worth reading in each of ``windows``, in hundreds so that few sequences are cached."""
+    return np.clip(DENSITY * windows.area, FEWEST_SAMPLES, MOST_SAMPLES).astype(np.intp) // 100 * 100
 
 
 def read(grey: Grey, windows: Windows, count: int) -> Samples:
-    """The grey levels at ``count`` places, an even number, in each of ``windows``."""
+    """The grey levels at ``count`` points, an even number, of each of ``windows``."""
     area, sides = np.maximum(windows.area, 1.0), np.linalg.norm(windows.axes, axis=1)
-    # What is BAND from the line s = 0 has |s| = BAND ÷ the height of the window over its axis t.
-    band = np.minimum(1.0, BAND * 4.0 * sides[:, ::-1] / area[:, None])
+    # A point BAND_PX away from the line s = 0 has |s| = BAND_PX ÷ the height of the window over its axis t.
+    band = np.minimum(1.0, BAND_PX * 4.0 * sides[:, ::-1] / area[:, None])
     share = np.clip(band * (DENSITY * area / count - 1.0)[:, None], 0.0, LARGEST_SHARE)
     s, t = _places(count, band, share)
     places = windows.at(s, t).transpose(0, 2, 1)
     u, v = places[..., 0], places[..., 1]
     inside = np.asarray((u >= 0) & (v >= 0) & (u <= grey.shape[1] - 1) & (v <= grey.shape[0] - 1))
     along = count / area * (1.0 - share.sum(axis=1) + (share / band).mean(axis=1))
-    return Samples(s, t, sample(grey, places), inside, np.maximum(1.0, along / INDEPENDENT))
+    return Samples(s, t, sample(grey, places), inside, np.maximum(1.0, along / INDEPENDENT_DENSITY))
 
 
 def _places(count: int, band: Floats, share: Floats) -> tuple[Floats, Floats]:
-    """s and t (n, count): ``share`` (n, 2) of the places in the ``band`` (n, 2) about s = 0 and about t = 0, the others
-    everywhere.
-    """
+    """s and t (n, count): ``share`` (n, 2) in the ``band`` (n, 2) about s = 0 and t = 0, the rest everywhere."""
     s, t = _sequence(count)
     part = (np.arange(count) % (count // 2) + 0.5) / (count // 2)
     by_s = part < share[:, :1]
@@ -104,11 +101,10 @@ def _places(count: int, band: Floats, share: Floats) -> tuple[Floats, Floats]:
 
 @cache
 def _sequence(count: int) -> Floats:
-    """(2, count) points (s, t) that fill a window evenly and symmetrically, no two on one line.
+    """Points (s, t), (2, count), that fill a window evenly and symmetrically, no two on one line.
 
-    On a regular grid all samples along an edge that runs with the pixels' rows would share one fraction of a
-    pixel, and with it one error of interpolation. (The additive sequence of the plastic number; Roberts,
-    2018.)
+    On a regular grid all samples along an edge parallel to the pixel rows would have the same subpixel position, and so
+    the same error of interpolation. (The additive sequence of the plastic number; Roberts, 2018.)
     """
     plastic = 1.324717957244746
     steps = np.arange(1, count // 2 + 1)

@@ -1,4 +1,4 @@
-"""Rectification maps: for every pixel of a view, where the original image shows it, and whether to believe it."""
+"""Rectification maps: for every pixel of a view, its pixel in the original image, and whether it is valid."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 from pinholify.arrays import Bools, Ints
 from pinholify.camera import VirtualCamera
 from pinholify.expansion import expand
-from pinholify.rectification.trust import source_log_std, source_mask
+from pinholify.rectification.valid_region import source_log_std, source_mask
 from pinholify.rectification.views import View
 
 Image = NDArray[np.generic]
 
-MARGIN = 0.05  # of the image: how far outside it a map is still followed, so that no node misses its border
-OUTSIDE = -16.0  # px; where sampling maps point when a pixel shows nothing: farther out than any interpolation reaches
+MARGIN = 0.05  # share of the image up to which a map is expanded outside it, so that no region at its border is missed
+OUTSIDE_PX = -16.0  # where sampling maps point if a pixel shows nothing: farther out than any interpolation reaches
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RectificationMap:
-    """Where the original image shows what the pixels of ``view`` show.
+    """The backward map from the pixels of ``view`` to those of the original image.
 
-    ``uv`` (height, width, 2) float32: pixels of the original, nan where it shows nothing. It lies in memory as two
-    planes, as OpenCV's CV_32FC1 maps do. ``valid`` (height, width) bool. ``std`` (height, width) float32, where it was
-    asked for: standard deviation of ``uv`` in px of the original, root mean square over both axes; nan outside it.
+    ``uv`` (height, width, 2) float32: pixels of the original, nan where there are none; in memory these are two
+    planes, like OpenCV's CV_32FC1 maps. ``valid`` (height, width) bool. ``std`` (height, width) float32, if it was
+    requested: standard deviation of ``uv`` in px of the original, root mean square over both axes; nan outside it.
     """
 
     view: View
@@ -39,10 +39,10 @@ class RectificationMap:
 def rectification_map(
     camera: VirtualCamera, view: View, *, max_std: float | None = None, with_std: bool = False
 ) -> RectificationMap:
-    """The backward map of ``view``, valid where it shows what may be believed, as ``source_mask`` says of the image."""
+    """The backward map of ``view``, valid where it shows a valid pixel of the image by :func:`source_mask`."""
     planes = inverse_map(camera, view)
-    # A sum is the quickest question whether any is nan. What becomes of nan in cv2.remap depends on the processor.
-    whole = planes if np.isfinite(planes.sum()) else np.nan_to_num(planes, nan=OUTSIDE)
+    # A sum is the fastest test for nan, which cv2.remap treats differently on different processors.
+    whole = planes if np.isfinite(planes.sum()) else np.nan_to_num(planes, nan=OUTSIDE_PX)
     mask = source_mask(camera, max_std).view(np.uint8)
     valid = cv2.remap(mask, whole[0], whole[1], cv2.INTER_NEAREST, borderValue=0).view(np.bool_)
     std = _std_at(camera, whole) if with_std else None
@@ -52,7 +52,7 @@ def rectification_map(
 def inverse_map(camera: VirtualCamera, view: View) -> NDArray[np.float32]:
     """Pixels of the original image for those of ``view``: planes of columns and of rows, (2, height, width) float32.
 
-    Right to less than 0.01 px inside the image, nan where it shows nothing. Nothing is said of what may be believed.
+    The error is below 0.01 px inside the image; nan where there is no pixel. Validity is not considered.
     """
     margin, size = MARGIN * max(camera.image_size), np.array(camera.image_size)
     return expand(
@@ -77,10 +77,10 @@ def _within(planes: NDArray[np.float32], image_size: tuple[int, int]) -> Bools:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampler:
-    """Takes images to a view: ``map1`` and ``map2`` are what ``cv2.remap`` wants of them.
+    """Resamples images to a view by the maps ``map1`` and ``map2`` of ``cv2.remap``.
 
-    ``rim`` (n, 256) are the places in the picture whose interpolation reaches beyond the image, ``rim_maps`` the maps
-    there. Calling it costs no more than ``cv2.remap`` with the same maps.
+    ``rim`` (n, 256) are the flat positions in the view whose interpolation reaches beyond the image, ``rim_maps`` the
+    maps there. A call costs no more than ``cv2.remap`` with the same maps.
     """
 
     map1: NDArray[np.generic]
@@ -89,10 +89,10 @@ class Sampler:
     rim_maps: tuple[NDArray[np.generic], NDArray[np.generic]]
 
     def __call__(self, image: Image) -> Image:
-        """``image`` (h, w[, c]) of any depth by cubic interpolation; black where nothing may be believed."""
+        """The view of ``image`` (h, w[, c]) of any dtype, by cubic interpolation; black where not valid."""
         source = _supported(image)
         out = np.zeros((*self.map1.shape[:2], *image.shape[2:]), dtype=source.dtype)
-        # BORDER_TRANSPARENT leaves alone what points outside the image. At its rim it would leave out neighbours.
+        # BORDER_TRANSPARENT skips pixels that point outside the image, and also those at its rim, which follow.
         cv2.remap(source, self.map1, self.map2, cv2.INTER_CUBIC, dst=out, borderMode=cv2.BORDER_TRANSPARENT)
         if len(self.rim):
             rim = cv2.remap(source, *self.rim_maps, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
@@ -101,36 +101,37 @@ class Sampler:
 
 
 def sampler(rectification: RectificationMap, image_size: tuple[int, int], *, fixed_point: bool = False) -> Sampler:
-    """The sampler of a map for images of ``image_size`` (width, height).
+    """The :class:`Sampler` of a map for images of ``image_size`` (width, height).
 
-    ``fixed_point`` maps hold 1/32 px and three quarters of the memory; OpenCV 4 rounds all others so itself.
+    ``fixed_point`` maps have a resolution of 1/32 px and take three quarters of the memory; OpenCV 4 rounds all maps
+    like this.
     """
     valid = rectification.valid
     planes = [
-        np.where(valid, np.clip(rectification.uv[:, :, k], 0, n - 1), np.float32(OUTSIDE))
+        np.where(valid, np.clip(rectification.uv[:, :, k], 0, n - 1), np.float32(OUTSIDE_PX))
         for k, n in enumerate(image_size)
     ]
     maps = cv2.convertMaps(planes[0], planes[1], cv2.CV_16SC2) if fixed_point else planes
     reach = [(plane < 1) | (plane >= n - 2) for plane, n in zip(planes, image_size, strict=True)]
     places = np.flatnonzero((reach[0] | reach[1]) & valid)
-    rim = np.resize(places, (-(-len(places) // 256), 256))  # cv2.remap makes pictures, no lists: the last are repeated
+    rim = np.resize(places, (-(-len(places) // 256), 256))  # an image for cv2.remap, filled up by repetition
     rim_maps = [m.reshape(valid.size, *m.shape[2:])[rim] for m in maps]
     return Sampler(maps[0], maps[1], rim, (rim_maps[0], rim_maps[1]))
 
 
 def remap(image: Image, rectification: RectificationMap) -> Image:
-    """``image`` (h, w[, c]) of any depth resampled to the view by cubic interpolation; black where not valid."""
+    """``image`` (h, w[, c]) of any dtype, resampled to the view by cubic interpolation; black where not valid."""
     return sampler(rectification, (image.shape[1], image.shape[0]))(image)
 
 
 def _supported(image: Image) -> Image:
-    """The image in a depth that OpenCV's remap knows; others go through float64."""
+    """The image in a dtype that ``cv2.remap`` supports; others are converted to float64."""
     known = image.dtype in (np.uint8, np.uint16, np.int16, np.float32, np.float64)
     return image if known else image.astype(np.float64)
 
 
 def _of_type(image: Image, dtype: np.dtype[Any]) -> Image:
-    """The image in the depth it had before :func:`_supported`, rounded where that holds integers."""
+    """The image in the ``dtype`` that it had before :func:`_supported`, rounded if that is an integer type."""
     if image.dtype == dtype:
         return image
     return np.rint(image).astype(dtype) if np.issubdtype(dtype, np.integer) else image.astype(dtype)

@@ -20,12 +20,12 @@ class Rectangle:
 
 
 def largest_rectangle(mask: Bools, proportion: float) -> Rectangle | None:
-    """The largest rectangle of width ÷ height = ``proportion`` all of whose pixels, and their neighbours, are true.
+    """The largest rectangle of width ÷ height = ``proportion`` whose pixels and their neighbours are all true.
 
-    Of several, the one nearest the middle of ``mask`` (height, width); None where there is none of three pixels.
+    Of several, the one nearest to the middle of ``mask`` (height, width); None if all are narrower than three pixels.
     """
     sums = np.pad(mask, ((1, 0), (1, 0))).astype(np.int64).cumsum(axis=0).cumsum(axis=1)
-    low, high = 0, mask.shape[1] + 1  # a rectangle as wide as low is there, one as wide as high is not
+    low, high = 0, mask.shape[1] + 1  # a rectangle of width low exists, one of width high does not
     while high - low > 1:
         width = (low + high) // 2
         low, high = (width, high) if len(_corners(sums, width, proportion)) else (low, width)
@@ -43,7 +43,7 @@ def _height(width: int, proportion: float) -> int:
 
 
 def _corners(sums: Ints, width: int, proportion: float) -> Ints:
-    """Row and column (n, 2) of the top left of every rectangle of ``width`` that is all true, by an integral image."""
+    """Top left corners (n, 2), row and column, of the rectangles of ``width`` that are all true."""
     height = _height(width, proportion)
     if height >= sums.shape[0] or width >= sums.shape[1]:
         return np.empty((0, 2), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""The paper's way to straighten: every pixel forward to its rounded place, holes filled by a median of neighbours."""
+"""The paper's straightening: every pixel moves to its rounded new position, medians of neighbours fill the holes."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from pinholify.arrays import Bools, Ints
 from pinholify.camera import VirtualCamera
 from pinholify.expansion import expand
 from pinholify.rectification.maps import Image, rectification_map
-from pinholify.rectification.trust import source_mask
+from pinholify.rectification.valid_region import source_mask
 from pinholify.rectification.views import View
 
 AROUND = np.array(list(product((-1, 0, 1), repeat=2)))
-CHUNK = 1 << 16  # places filled at a time: few enough for the processor's cache
+CHUNK = 1 << 16  # pixels filled at a time: few enough for the processor's cache
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Splatter:
-    """Takes images to a view of ``size`` (width, height) px.
+    """Converts images to a view of ``size`` (width, height) px.
 
-    ``places`` (n,) in the view, flat, get the pixels ``sources`` (n,) of the image, flat. ``holes`` are filled in
-    turn, each from what is there by then: places (k,) and which of the nine around each are filled (k, 9).
+    The flat positions ``places`` (n,) of the view receive the flat pixels ``sources`` (n,) of the image. ``holes`` are
+    filled in order, each from the pixels filled before: positions (k,), and which of the nine around each are filled
+    (k, 9).
     """
 
     size: tuple[int, int]
@@ -35,7 +36,7 @@ class Splatter:
     holes: tuple[tuple[Ints, Bools], ...]
 
     def __call__(self, image: Image) -> Image:
-        """``image`` (h, w[, c]) of any depth; black where nothing may be believed."""
+        """The view (height, width[, c]) of ``image`` (h, w[, c]) of any dtype; black where it is not valid."""
         width, height = self.size
         channels = image.shape[2:]
         out = np.zeros((width * height, *channels), dtype=image.dtype)
@@ -49,7 +50,7 @@ class Splatter:
 
 
 def splatter(camera: VirtualCamera, view: View, *, max_std: float | None = None) -> Splatter:
-    """The splatter of images of ``camera`` to ``view``."""
+    """The :class:`Splatter` from images of ``camera`` to ``view``; ``max_std`` as in :func:`source_mask`."""
     width, height = view.size
     to_view = expand(
         lambda uv: view.project(camera.chart.directions(camera.plane_map.value(uv))), camera.image_size, tolerance=0.05
@@ -67,9 +68,9 @@ def splatter(camera: VirtualCamera, view: View, *, max_std: float | None = None)
 
 
 def _holes(filled: Bools, wanted: Bools) -> tuple[tuple[Ints, Bools], ...]:
-    """All that is ``wanted`` and not ``filled``, in the order in which it can be.
+    """The pixels ``wanted`` but not ``filled``, in the order in which they can be filled.
 
-    Where the view magnifies, pixels lie far apart and all grow alike until they meet.
+    Where the view magnifies, pixels are far apart, and all grow at the same rate until they meet.
     """
     rounds: list[tuple[Ints, Bools]] = []
     while True:
@@ -85,9 +86,9 @@ def _holes(filled: Bools, wanted: Bools) -> tuple[tuple[Ints, Bools], ...]:
 
 
 def _medians(values: NDArray[Any], around: Ints, filled: Bools) -> NDArray[Any]:
-    """Medians (k[, c]) over the ``filled`` (k, 9) of the flat places ``around`` (k, 9) in ``values`` (n[, c])."""
+    """Medians (k[, c]) over the ``filled`` (k, 9) of the flat positions ``around`` (k, 9) in ``values`` (n[, c])."""
     dtype = values.dtype
-    last = np.inf if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).max  # sorted to the end, or as good as that
+    last = np.inf if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).max  # is sorted to the end
     found = values.take(around, axis=0, mode="clip")
     found[~filled] = last
     found.sort(axis=1)

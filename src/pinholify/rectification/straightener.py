@@ -1,4 +1,4 @@
-"""Straightening many images of one camera: the map is built once."""
+"""Straightening many images of one camera with a map that is built once."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ from pinholify.camera import VirtualCamera, virtual
 from pinholify.errors import ImageError, InputError
 from pinholify.rectification.maps import Image, Sampler, rectification_map, sampler
 from pinholify.rectification.splatting import Splatter, splatter
-from pinholify.rectification.views import STRAIGHT_ON, Angles, View, named_view
+from pinholify.rectification.views import STRAIGHT_ON, View, YawPitchRoll, named_view
 
 METHODS = ("remap", "splat")
 
 LARGEST_SIDE = 32766
-"""px; OpenCV resamples no larger image."""
+"""px; OpenCV does not resample larger images."""
 
 MAX_PIXELS = 200_000_000
-"""A larger result is refused: its map alone would take gigabytes."""
+"""Larger results are refused: their maps alone would take gigabytes."""
 
 
 @dataclass(slots=True)
 class Straightener:
-    """Takes images of ``camera`` to the view called ``view_name``, turned and cut as ``named_view`` says.
+    """Converts images of ``camera`` to the view called ``view_name``.
 
     ``size`` (width, height) px of the result defaults to the image's. ``method`` is ``remap`` (backward, cubic) or
-    ``splat`` (the paper's, several times slower). ``max_std`` px replaces the camera's own limit of what is shown.
-    ``turn``, ``fov`` and ``keep`` are those of :func:`pinholify.rectification.views.named_view`. ``fixed_point`` maps,
-    for video, take less memory and hold 1/32 px. Raises InputError for a name that is not known and for a size that is
-    too large, CalibrationError for a view that shows nothing.
+    ``splat`` (the paper's, several times slower). ``max_std`` (px) replaces the camera's own limit of the standard
+    deviation of what is shown. ``turn``, ``fov`` and ``keep`` are those of
+    :func:`pinholify.rectification.views.named_view`. ``fixed_point`` maps, for video, take less memory and have a
+    resolution of 1/32 px. Raises InputError for an unknown name and a size that is too large, CalibrationError for a
+    view that shows nothing.
     """
 
     camera: VirtualCamera
@@ -35,7 +36,7 @@ class Straightener:
     size: tuple[int, int] | None = None
     method: str = "remap"
     max_std: float | None = None
-    turn: Angles = STRAIGHT_ON
+    turn: YawPitchRoll = STRAIGHT_ON
     fov: float | None = None
     keep: str = "all"
     fixed_point: bool = False
@@ -44,7 +45,7 @@ class Straightener:
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
-            raise InputError(f"'{self.method}' is no way to straighten; there are: {', '.join(METHODS)}")
+            raise InputError(f"unknown method '{self.method}': choose one of {', '.join(METHODS)}")
         if self.size is not None:
             _check_size(self.size)
         self.view = named_view(
@@ -53,7 +54,7 @@ class Straightener:
         _check_size(self.view.size)
 
     def __call__(self, image: Image) -> Image:
-        """The straightened image, of the same depth and channels; raises ImageError on an image of another size."""
+        """The straightened image, of the same dtype and channels; raises ImageError for an image of another size."""
         height, width = image.shape[:2]
         if (width, height) != self.camera.image_size:
             raise ImageError(
@@ -76,6 +77,6 @@ def _check_size(size: tuple[int, int]) -> None:
     width, height = size
     if max(size) > LARGEST_SIDE or width * height > MAX_PIXELS:
         raise InputError(
-            f"a result of {width}x{height} was asked for where sides of at most {LARGEST_SIDE} px and "
-            f"{MAX_PIXELS // 1_000_000} megapixels can be made; choose a smaller size"
+            f"a result of {width}x{height} was requested, but at most {LARGEST_SIDE} px per side and "
+            f"{MAX_PIXELS // 1_000_000} megapixels are possible; choose a smaller size"
         )

@@ -12,7 +12,7 @@ from pinholify.camera import VirtualCamera
 from pinholify.evaluation.measures import rms
 from pinholify.evaluation.verdict import CornerResiduals, Verdict
 from pinholify.geometry import convex_hull
-from pinholify.rectification.trust import believable_share
+from pinholify.rectification.valid_region import valid_share
 from pinholify.report.contours import Polygons, grid_pixels, region_inside, regions_above
 from pinholify.report.numerals import round_down
 
@@ -49,7 +49,7 @@ def coverage_of(calibration: Calibration, verdict: Verdict, seen: CornerResidual
         region_inside(camera.domain.hull, log_std, limit, camera.image_size),
         tuple(convex_hull(view.uv[seen.inliers[view.name]]).vertices for view in views),
         None if verdict.next_board is None else verdict.next_board.outline,
-        believable_share(camera),
+        valid_share(camera),
         camera.domain.max_std,
     )
 

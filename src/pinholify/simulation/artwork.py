@@ -1,4 +1,4 @@
-"""Pictures full of straight lines, drawn by arithmetic: a house front, a pavement, a sky.
+"""Procedural textures full of straight lines: a house front, a pavement, a sky.
 
 Lengths in metres. Colours are (red, green, blue), 0 … 1.
 """
@@ -34,7 +34,7 @@ _LETTERS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Canvas:
-    """``pixels`` (h, w, 3) float32 to paint on, ``per_metre`` of them a metre; (0, 0) is the top left."""
+    """``pixels`` (h, w, 3) float32 to paint on, at ``per_metre`` pixels per metre; (0, 0) is the top left."""
 
     pixels: NDArray[np.float32]
     per_metre: int
@@ -45,7 +45,7 @@ class Canvas:
         self.pixels[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)] = colour
 
     def text(self, text: str, x: float, y: float, dot: float, colour: Colour) -> None:
-        """Write ``text`` from (x, y) on in letters of square dots of size ``dot``."""
+        """Write ``text``, starting at (x, y), in letters made of square dots of size ``dot``."""
         for letter in text:
             rows = _LETTERS[letter]
             for j, row in enumerate(rows):
@@ -56,7 +56,7 @@ class Canvas:
 
 
 def facade(width: int = 28, per_metre: int = 96) -> NDArray[np.float32]:
-    """A brick house front of ``width`` metres and 10 m of height: (h, w, 3), 0 … 1."""
+    """A brick house front, ``width`` metres wide and 10 m high: (h, w, 3), 0 … 1."""
     canvas = Canvas(_bricks(width, 10, per_metre), per_metre)
     for y in (3.3, 6.5):
         canvas.rectangle(0, y, width, 0.35, _STONE)
@@ -135,7 +135,7 @@ def _ruled_paper(canvas: Canvas, x: float) -> None:
 
 
 def pavement(xy: Floats) -> Floats:
-    """A texture of square slabs of one metre, light and dark in turn, with joints: colours (N, 3)."""
+    """Colours (N, 3) at ``xy`` (N, 2) of square one-metre slabs, alternately light and dark, with joints."""
     dark = np.floor(xy).sum(axis=1) % 2 == 1
     joint = (xy[:, 0] % 1 < 0.04) | (xy[:, 1] % 1 < 0.04)
     slabs = np.where(dark[:, None], (0.42, 0.41, 0.40), (0.68, 0.66, 0.62))
@@ -143,6 +143,6 @@ def pavement(xy: Floats) -> Floats:
 
 
 def sky(directions: Floats) -> Floats:
-    """A background that pales towards the horizon (y points down): colours (N, 3)."""
+    """Colours (N, 3) of a sky that gets paler towards the horizon; y of ``directions`` (N, 3) points down."""
     height = np.clip(-directions[:, 1:2], 0, 1)
     return np.asarray(np.array([0.80, 0.87, 0.93]) + height * np.array([-0.45, -0.30, -0.10]))

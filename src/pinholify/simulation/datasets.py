@@ -1,7 +1,7 @@
-"""Rendered data sets with their truth, among them the six cameras of the paper's Table 1.
+"""Rendered data sets with their truth, including the six cameras of the paper's Table 1.
 
-Everything a data set is made of stands in :data:`DATASETS`, each choice with its reason in ``reasons``. The
-table was fixed before the first calibration was run on its images and is not changed to please a result.
+:data:`DATASETS` defines each data set completely, with a reason for each choice in ``reasons``. The table was fixed
+before the first calibration was run on its images, and is not changed to improve a result.
 """
 
 from __future__ import annotations
@@ -40,11 +40,12 @@ class Photograph:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraTruth:
-    """What a calibration should find: the rays of a grid of ``pixels`` and the virtual camera.
+    """What a calibration should find: the rays of a grid of ``pixels``, and the virtual camera.
 
-    ``pixels`` (N, 2); ``origins`` and unit ``directions`` (N, 3) in the true camera frame, NaN where a pixel
-    sees nothing. ``virtual_camera`` is (f, uc, vc) in squares for the first view's board, or None for a
-    system without a single centre. ``mirrored``: images are reversed.
+    ``pixels`` (N, 2); ``origins`` (N, 3) in squares and unit ``directions`` (N, 3) in the true camera frame, NaN where
+    a pixel sees nothing. ``size`` is (width, height) px; ``central`` is whether there is a single centre, ``mirrored``
+    whether images are reversed. ``virtual_camera`` is (f, uc, vc) in squares for the first view's board, None for a
+    system without a single centre.
     """
 
     size: tuple[int, int]
@@ -65,9 +66,9 @@ class CameraTruth:
 class Dataset:
     """``views`` photographs of ``board`` through ``lens`` by ``sensor``; all randomness comes from ``seed``.
 
-    The poses suit ``lens`` and all of ``companions``: data sets with the same lenses in this list, in the
-    same order, and the same seed show the same poses. ``squares`` are the grey values of the dark and the
-    light squares. ``reasons`` say why each choice was made.
+    The poses suit ``lens`` and all of ``companions``: data sets with the same list of lenses and the same seed have the
+    same poses. ``squares`` are the grey values of the dark and the light squares, 0 … 1. ``reasons`` explain each
+    choice.
     """
 
     name: str
@@ -86,7 +87,7 @@ class Dataset:
         return board_poses(self.companions or (self.lens,), self.board, self.views, seed=self.seed)
 
     def photographs(self, limit: int | None = None) -> Iterator[Photograph]:
-        """The views one at a time, all or the first ``limit`` of them, which are the same either way."""
+        """The views one at a time, all or only the first ``limit``; the limit does not change them."""
         rays = pixel_rays(self.lens)
         dark, light = self.squares
         texture, background = CheckerboardTexture(self.board, dark=dark, light=light), cloudy(0.45, seed=self.seed)
@@ -96,7 +97,7 @@ class Dataset:
             yield Photograph(f"{self.name}-{i:02d}", image, true_corners(self.lens, self.board, pose), pose)
 
     def truth(self, columns: int = 49, rows: int = 28) -> CameraTruth:
-        """The camera truth on a grid of ``columns`` × ``rows`` pixels that reaches the image's borders."""
+        """The truth on a grid of ``columns`` × ``rows`` pixels that extends to the image's borders."""
         width, height = self.lens.size
         grid = np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows))
         pixels = np.stack(grid, axis=-1).reshape(-1, 2)
@@ -108,7 +109,7 @@ class Dataset:
 
 
 def reduced(dataset: Dataset, factor: float) -> Dataset:
-    """The same scenes in images ``factor`` times smaller, for a quick look; blur and noise stay."""
+    """``dataset`` with images ``factor`` times smaller, for a quick look; blur and noise in px are unchanged."""
 
     def smaller(lens: Lens) -> Lens:
         width, height = (round(length / factor) for length in lens.size)
@@ -118,7 +119,7 @@ def reduced(dataset: Dataset, factor: float) -> Dataset:
 
 
 def mirrored(lens: Lens) -> bool:
-    """Whether ``lens`` shows the scene reversed, judged in the middle of its image."""
+    """Whether ``lens`` shows the scene reversed, evaluated at the centre of its image."""
     middle = image_centre(lens.size) + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     ahead, right, down = lens.unproject(middle).directions
     return bool(np.linalg.det([right - ahead, down - ahead, ahead]) < 0)
@@ -132,11 +133,11 @@ _GAME_ENGINE = Sensor(blur=0.6)
 _UNITY_REASONS = {
     "lens": "a field of 88 degrees; the paper gives no numbers: barrel +55 centred, pincushion -40 around a "
     "point left and low, about as strong as its figures show",
-    "poses": "the paper's three Unity sets share one scene, so the boards stand alike in all three",
+    "poses": "the paper's three Unity sets share one scene, so the boards have the same poses in all three",
     "squares": "the engine's black and white materials",
     "blur": "0.6 px: multisampling and the bilinear lookup of the post-processing effect",
-    "noise": "none beyond eight bits: a game engine counts no photons",
-    "jpeg": "none: screenshots are stored without loss",
+    "noise": "none beyond eight bits: a game engine has no photon noise",
+    "jpeg": "none: screenshots are stored losslessly",
 }
 
 _WEBCAM = BrownConrady(
@@ -149,7 +150,7 @@ _WEBCAM_SENSOR = Sensor(blur=1.1, vignetting=0.25, shot_noise=8.0, read_noise=5.
 _WEBCAM_REASONS = {
     "lens": "a field of 74 degrees, as usual for a webcam, and mild barrel distortion of a few per cent",
     "blur": "1.1 px: a plastic lens before small pixels, and demosaicing",
-    "vignetting": "a quarter of the light is lost in the corners, as small lenses do",
+    "vignetting": "a quarter of the light is lost in the corners, as usual for small lenses",
     "noise": "a webcam in room light turns its gain up: 8 grey levels of shot noise at white, 5 of read noise",
     "squares": _PRINTED_REASON,
     "jpeg": "quality 80: webcams send motion JPEG of about this quality",
@@ -160,8 +161,8 @@ _TELELENS = BrownConrady(
 )
 _TELELENS_SENSOR = Sensor(blur=1.8, vignetting=0.45, shot_noise=8.0, read_noise=5.0, jpeg_quality=80)
 _TELELENS_REASONS = _WEBCAM_REASONS | {
-    "lens": "the webcam's focal length doubled by a clip-on lens: pincushion as telelenses have, and off "
-    "centre because it is clipped on by hand",
+    "lens": "the webcam's focal length doubled by a clip-on lens: pincushion distortion as in telephoto lenses, and "
+    "off centre because it is clipped on by hand",
     "blur": "1.8 px: the clip-on lens is softer than the webcam's own",
     "vignetting": "almost half: the two lenses' pupils do not match",
 }
@@ -196,4 +197,4 @@ _PAPER = (
 )
 
 DATASETS: dict[str, Dataset] = {dataset.name: dataset for dataset in _PAPER}
-"""The paper's six data sets, in the order of its Table 1; board counts, corners and sizes are the paper's."""
+"""The paper's six data sets, in the order of its Table 1, with the paper's numbers of boards, corners and pixels."""

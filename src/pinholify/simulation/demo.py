@@ -1,4 +1,4 @@
-"""What ``pinholify demo`` is shown: boards and a street through a lens that no textbook has."""
+"""The images of ``pinholify demo``: boards and a street through a lens that no standard model fits."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DEMO = Dataset(
     Sensor(blur=0.8, vignetting=0.2, shot_noise=3.0, read_noise=1.5, jpeg_quality=92),
     12,
     {
-        "lens": "122 degrees across, and bumps of up to 12 px, to be seen by eye, which no lens formula has",
+        "lens": "122 degrees across, with visible bumps of up to 12 px that no lens model describes",
         "blur": "0.8 px: a sharp lens, and demosaicing",
         "vignetting": "a fifth of the light in the corners, so that the picture looks like a photograph",
         "noise": "that of a good camera in daylight",
@@ -37,7 +37,7 @@ DEMO = Dataset(
 
 
 def street(lens: Lens = DEMO.lens, sensor: Sensor = DEMO.sensor) -> NDArray[np.uint8]:
-    """A photograph (h, w, 3), RGB, of a house front and its pavement through ``lens``: straight lines."""
+    """A photograph (h, w, 3) uint8, RGB, of a house front and its pavement through ``lens``: straight lines."""
     upright, lying = np.eye(3), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     width, per_metre = 28, 96
     front = Picture(facade(width, per_metre), per_metre)

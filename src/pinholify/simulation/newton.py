@@ -1,4 +1,4 @@
-"""One vectorised, safeguarded Newton solver for all inverses of the simulation."""
+"""The vectorised, safeguarded Newton solver for all inverses of the simulation."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from pinholify.arrays import Bools, Floats, Ints
 
 Equations = Callable[[Floats, Ints], tuple[Floats, Floats]]
-"""``(unknowns (n, d), rows (n,)) → (values (n, d), Jacobians (n, d, d))``; rows say which systems."""
+"""``(unknowns (n, d), rows (n,)) → (values (n, d), Jacobians (n, d, d))``; rows are the numbers of the systems."""
 
 
 def solve(
     equations: Equations, target: Floats, start: Floats, *, tolerance: float = 1e-12, steps: int = 80
 ) -> Floats:
-    """Unknowns (N, d), d = 1 or 2, at which N small systems reach ``target`` (N, d); NaN where not found.
+    """Unknowns (N, d), d = 1 or 2, at which N small systems reach ``target`` (N, d); NaN where none are found.
 
-    Newton from ``start`` (N, d) with a step length of its own for each system, halved while the residual does
-    not fall. A root counts when its residual is at most ``tolerance``·(1 + ‖target‖); the solver goes on
-    below that until rounding stops it.
+    Newton's method from ``start`` (N, d), with a separate step length for each system that is halved while the residual
+    does not decrease. A root is accepted if its residual is at most ``tolerance``·(1 + ‖target‖); iterations continue
+    below that until rounding stops them.
     """
     x = np.array(start, dtype=np.float64)
     scale = 1 + np.linalg.norm(target, axis=1)
@@ -54,7 +54,7 @@ def _newton_step(equations: Equations, target: Floats, x: Floats, rows: Ints) ->
         excess = value - target[rows]
         step = excess / jacobian[:, 0] if x.shape[1] == 1 else _solve_2x2(jacobian, excess)
         residual = np.linalg.norm(excess, axis=1)
-        # A system without a step cannot go on from here: the caller must look nearer to where it came from.
+        # A system without a finite step cannot continue from here; the caller retries nearer to the previous point.
         return step, np.where(np.isfinite(step).all(axis=1), residual, np.inf)
 
 
@@ -65,5 +65,5 @@ def _solve_2x2(matrix: Floats, right: Floats) -> Floats:
 
 
 def smallest_positive(roots: Iterable[complex], default: float) -> float:
-    """The smallest of the real positive ``roots``, or ``default`` where there is none."""
+    """The smallest of the real positive ``roots``, or ``default`` if there are none."""
     return min((z.real for z in roots if abs(z.imag) < 1e-12 and z.real > 0), default=default)

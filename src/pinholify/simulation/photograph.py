@@ -1,4 +1,4 @@
-"""What a sensor makes of the light: blur, vignetting, noise, eight bits, JPEG."""
+"""The sensor: blur, vignetting, noise, quantisation to eight bits, JPEG compression."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from scipy.ndimage import gaussian_filter
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """How a rendered picture becomes a photograph.
+    """Parameters by which a rendered image becomes a photograph.
 
-    ``blur``: standard deviation of the Gaussian blur of lens and demosaicing, px. ``vignetting``: share of
-    the light lost in the image's corners. ``shot_noise``: standard deviation at white, falling with the root
-    of the light; ``read_noise``: standard deviation at black; both in grey levels of 255. ``jpeg_quality``: 1
-    … 95, or None for a lossless file.
+    ``blur``: standard deviation of the Gaussian blur of lens and demosaicing, px. ``vignetting``: share of the light
+    lost in the image's corners. ``shot_noise``: standard deviation at white, proportional to the square root of the
+    light; ``read_noise``: standard deviation at black; both in grey levels of 255. ``jpeg_quality``: 1 … 95, or None
+    for a lossless file.
     """
 
     blur: float = 0.7
@@ -30,7 +30,7 @@ class Sensor:
 def photograph(
     image: NDArray[np.float32], sensor: Sensor, seed: int | tuple[int, ...] = 0
 ) -> NDArray[np.uint8]:
-    """What ``sensor`` makes of ``image``, (h, w) or (h, w, 3), 0 … 1: uint8; its noise is from ``seed``."""
+    """The uint8 photograph that ``sensor`` takes of ``image`` (h, w) or (h, w, 3), 0 … 1, with noise from ``seed``."""
     light = gaussian_filter(image, (sensor.blur, sensor.blur, 0)[: image.ndim], mode="nearest")
     light *= _vignette(image.shape[:2], sensor.vignetting).reshape(image.shape[:2] + (1,) * (image.ndim - 2))
     noisy = _with_noise(light, sensor, np.random.default_rng(seed))
@@ -39,7 +39,7 @@ def photograph(
 
 
 def _vignette(shape: tuple[int, ...], lost: float) -> NDArray[np.float32]:
-    """Share of the light (h, w) that arrives, falling with the square of the distance from the middle."""
+    """Share (h, w) of the light that arrives; the loss grows with the square of the distance from the centre."""
     v, u = (np.linspace(-1, 1, n, dtype=np.float32) ** 2 / 2 for n in shape)
     return np.asarray(1 - np.float32(lost) * (v[:, None] + u[None, :]))
 

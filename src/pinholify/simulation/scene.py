@@ -1,8 +1,7 @@
-"""Scenes: textured planes before a background, and the tracing of rays into them.
+"""Scenes: textured planes in front of a background, and the tracing of rays into them.
 
-A texture gives the colours (N, channels), 0 black … 1 white, of points (N, 2) of its plane, NaN where the
-plane is cut out; a background gives the colours of directions (N, 3). All textures of a scene have the same
-channels.
+A texture gives the colours (N, channels), 0 black … 1 white, of points (N, 2) of its plane, NaN where the plane has a
+hole or ends; a background gives the colours of directions (N, 3). All textures of a scene have the same channels.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ Background = Callable[[Floats], Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """The plane z = 0 of the frame ``pose`` (camera_from_plane), painted with ``texture`` on both sides."""
+    """The plane z = 0 of the frame ``pose`` (camera_from_plane), with ``texture`` on both sides."""
 
     pose: Pose
     texture: Texture
 
     def intersect(self, rays: Rays) -> tuple[Floats, Floats]:
-        """Distances (N,) along ``rays`` to the plane and the points (N, 2) there; inf where it is not met."""
+        """Distances (N,) along ``rays`` to the plane, inf for rays that do not meet it, and the points (N, 2) there."""
         normal, axes = self.pose.rotation[:, 2], self.pose.rotation[:, :2]
         start = rays.origins - self.pose.translation
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -41,7 +40,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """``planes`` in any order, which hide one another, before an infinitely distant ``background``."""
+    """``planes``, in any order, that occlude one another, in front of an infinitely distant ``background``."""
 
     planes: tuple[Plane, ...]
     background: Background
@@ -67,9 +66,9 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class CheckerboardTexture:
-    """``board`` on a sheet with a light ``margin`` (squares); the square beyond corner (0, 0) is dark.
+    """``board`` on a sheet with a light ``margin`` (squares); the square diagonally beyond corner (0, 0) is dark.
 
-    Corner (0, 0) is the origin and a square is the unit of length, so the lattice is the board's own.
+    Corner (0, 0) is the origin and a square is the unit of length, as in the board's lattice coordinates.
     """
 
     board: Checkerboard
@@ -114,10 +113,9 @@ class CircleGridTexture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """``pixels`` (h, w, channels), 0 … 1, on a plane, ``per_unit`` pixels to a unit of length, bilinear
-    between.
+    """``pixels`` (h, w, channels), 0 … 1, on a plane, ``per_unit`` pixels per unit of length, interpolated bilinearly.
 
-    The pixel (0, 0)'s centre lies at ``origin`` of the plane; x runs along rows, y down.
+    The centre of pixel (0, 0) lies at ``origin`` of the plane; x runs along rows, y down.
     """
 
     pixels: NDArray[np.float32]
@@ -139,7 +137,7 @@ class Picture:
 
 
 def _inside(xy: Floats, width: float, height: float) -> Bools:
-    """Whether ``xy`` (N, 2) lies in the rectangle from the origin: by columns, as rows of two are slow."""
+    """Which (N,) of ``xy`` (N, 2) lie in the rectangle from the origin: by columns, because rows of two are slow."""
     x, y = xy.T
     return np.asarray((x >= 0) & (x <= width) & (y >= 0) & (y <= height))
 
@@ -150,7 +148,7 @@ def plain(*colour: float) -> Background:
 
 
 def cloudy(*colour: float, contrast: float = 0.2, seed: int = 0) -> Background:
-    """A background of ``colour`` with large, soft blotches that change it by up to the share ``contrast``."""
+    """A background of ``colour`` with large, soft blotches that vary it by up to the share ``contrast``."""
     rng = np.random.default_rng(seed)
     waves, phases = rng.normal(0, 3.0, (3, 8)), rng.uniform(0, 2 * np.pi, 8)
 

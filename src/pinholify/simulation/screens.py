@@ -1,4 +1,4 @@
-"""A screen before a lens: what the lens's sensor captures of each picture that the screen shows."""
+"""A screen in front of a lens: the captures of each picture that the screen shows."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from pinholify.arrays import frozen
 from pinholify.geometry import Pose
 from pinholify.simulation.lenses import Lens
 from pinholify.simulation.photograph import Sensor, photograph
-from pinholify.simulation.rendering import CHUNK, PixelRays, golden_lattice, pixel_rays
+from pinholify.simulation.rendering import CHUNK_RAYS, PixelRays, golden_lattice, pixel_rays
 from pinholify.simulation.scene import Plane
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScreenView:
-    """Which screen pixel each of several rays a camera pixel meets: ``pixels`` (samples, h, w) int32.
+    """The screen pixels that several rays per camera pixel meet: ``pixels`` (samples, h, w) int32.
 
-    Screen pixels are numbered along rows; −1 is a ray that passes the screen by.
+    Screen pixels are numbered row by row; −1 is a ray that misses the screen.
     """
 
     pixels: NDArray[np.int32]
@@ -29,10 +29,10 @@ class ScreenView:
         object.__setattr__(self, "pixels", frozen(self.pixels, (None, None, None), np.int32))
 
     def of(self, picture: NDArray[np.uint8], *, gamma: float = 2.2, ambient: float = 0.05) -> NDArray[np.float32]:
-        """The light (h, w), 0 … 1, that the camera gets of the screen's ``picture`` (height, width).
+        """The light (h, w), 0 … 1, that the camera receives from the screen's ``picture`` (height, width) uint8.
 
-        A pixel of a screen is a square of one brightness, level to the power of ``gamma``; ``ambient`` light lies over
-        everything and is all there is beside the screen.
+        A pixel of the screen is a square of uniform brightness, its level to the power of ``gamma``; ``ambient`` light
+        is added everywhere, and is the only light outside the screen.
         """
         light = np.append((picture.ravel() / np.float32(255.0)) ** np.float32(gamma), np.float32(0.0))
         total = np.zeros(self.pixels.shape[1:], np.float32)
@@ -44,16 +44,16 @@ class ScreenView:
 def view_screen(
     rays: PixelRays, pose: Pose, size: tuple[int, int], *, spacing: int, samples: int = 13
 ) -> ScreenView:
-    """The screen of ``size`` (width, height) px at ``pose`` as ``rays`` see it, ``samples`` (a prime) rays a pixel.
+    """The screen of ``size`` (width, height) px at ``pose``, seen by ``rays`` with ``samples`` (a prime) per pixel.
 
-    The unit of length is ``spacing`` screen pixels and the plane's origin half of that from the screen's top left
+    The unit of length is ``spacing`` screen pixels, and the plane's origin is half of that from the screen's top left
     corner: the nodes of ``board.Screen`` are then the points of the integer lattice.
     """
     width, height = rays.size
     found = np.empty((samples, width * height), np.int32)
     screen = Plane(pose, lambda xy: xy)
-    for start in range(0, width * height, CHUNK):
-        pixels = np.arange(start, min(start + CHUNK, width * height))
+    for start in range(0, width * height, CHUNK_RAYS):
+        pixels = np.arange(start, min(start + CHUNK_RAYS, width * height))
         for i, shifted in enumerate(rays.around(pixels, golden_lattice(samples) - 0.5)):
             distance, xy = screen.intersect(shifted)
             with np.errstate(invalid="ignore"):
@@ -73,9 +73,9 @@ def capture_screen(
     samples: int = 13,
     seed: int = 0,
 ) -> Iterator[NDArray[np.uint8]]:
-    """What ``sensor`` behind ``lens`` makes of each of the ``pictures`` (height, width) on a screen at ``pose``.
+    """The captures by ``lens`` and ``sensor`` of each of the ``pictures`` (height, width) on a screen at ``pose``.
 
-    ``pose`` is camera_from_screen as in :func:`view_screen`; noise is drawn anew for each capture, from ``seed``.
+    ``pose`` is camera_from_screen as in :func:`view_screen`; each capture has its own noise, from ``seed``.
     """
     view: ScreenView | None = None
     for i, picture in enumerate(pictures):

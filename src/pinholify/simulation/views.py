@@ -1,4 +1,4 @@
-"""Believable sets of board poses for a lens, with the truth that belongs to them."""
+"""Realistic sets of board poses for a lens, with their truth."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from pinholify.geometry import Pose
 from pinholify.simulation.lenses import Lens
 from pinholify.simulation.lenses.base import image_centre, unit
 
-TRIES = 200_000
-"""Random poses tried before a lens is said to have no room for its boards."""
+MOST_TRIES = 200_000
+"""Random poses tried before an error is raised."""
 
 AIMS = 0.03 * np.array([[u, v] for u in (0, -1, 1) for v in (0, -1, 1)])
-"""Where the first board may be aimed, from the middle in widths and heights: straight on if possible."""
+"""Offsets of the first board from the image's centre, in widths and heights, in order of preference."""
 
 
 def true_corners(lens: Lens, board: Board, pose: Pose) -> Floats:
-    """Where ``lens`` images the corners of ``board`` in id order: (N, 2) px, NaN where it does not."""
+    """Pixels (N, 2) of the corners of ``board``, in id order, through ``lens``; NaN where they are not imaged."""
     return lens.project(pose.apply(lattice(board)))
 
 
@@ -34,17 +34,17 @@ def board_poses(
     margin: float = 0.01,
     tilt: float = 40.0,
 ) -> tuple[Pose, ...]:
-    """``count`` poses at which every lens of ``lenses`` sees the whole ``board`` from its front.
+    """``count`` poses at which each of ``lenses`` sees the whole ``board`` from its front.
 
-    The first faces the camera near the middle of the image and comes as near as all lenses allow; the others
-    stand at 1.1 to 2.6 times its distance, turned by up to ``tilt`` degrees about both axes of the board and
-    a little in its plane. Every corner keeps ``margin`` times the image's width from the border and from its
-    neighbours. Raises ValueError where there is no room.
+    The first faces the camera near the centre of the image, as near as all lenses allow; the others are at 1.1 to 2.6
+    times its distance, rotated by up to ``tilt`` degrees about both axes of the board and slightly in its plane. Every
+    corner keeps ``margin`` times the image's width from the border and from its neighbours. Raises ValueError if not
+    enough poses are found.
     """
     rng = np.random.default_rng(seed)
     reference, distance = _reference(lenses, board, rng, margin)
     poses = [reference]
-    for _ in range(TRIES):
+    for _ in range(MOST_TRIES):
         if len(poses) == count:
             return tuple(poses)
         uv = rng.uniform(0.1, 0.9, 2) * lenses[0].size
@@ -52,11 +52,11 @@ def board_poses(
         pose = _facing(lenses[0], board, uv, distance * rng.uniform(1.1, 2.6), angles)
         if _sees_board(lenses, board, pose, margin):
             poses.append(pose)
-    raise ValueError(f"only {len(poses)} of {count} boards found room in the image; give a smaller tilt")
+    raise ValueError(f"only {len(poses)} of {count} poses were found that fit in the image; give a smaller tilt")
 
 
 def virtual_camera(reference: Pose) -> tuple[float, float, float]:
-    """The true (f, uc, vc) of a central lens's virtual camera, squares, from the first board's pose."""
+    """The true (f, uc, vc), in squares, of a central lens's virtual camera, from the ``reference`` board's pose."""
     centre = -reference.rotation.T @ reference.translation
     return float(-centre[2]), float(centre[0]), float(centre[1])
 
@@ -71,16 +71,16 @@ def _reference(
             pose = _facing(lenses[0], board, uv, distance, angles)
             if _sees_board(lenses, board, pose, margin):
                 return pose, float(distance)
-    raise ValueError("no distance was found at which all lenses see the whole board")
+    raise ValueError("there is no distance at which all lenses see the whole board")
 
 
 def _facing(
     lens: Lens, board: Board, uv: Floats, distance: float, angles: Sequence[float] | Floats
 ) -> Pose:
-    """The board on the ray of the pixel ``uv``, facing it, then turned by ``angles`` (z, y, x; degrees)."""
+    """The pose of a board on the ray of the pixel ``uv``, facing it, then rotated by ``angles`` (z, y, x; degrees)."""
     origins, directions = lens.unproject(uv + np.array([[0.0, 0.0], [0.0, 1.0]]))
     z = directions[0]
-    # y points down in the image; x follows, so that the board is right-handed also where a mirror shows it.
+    # y points down in the image; x follows, so that the board is right-handed even if a mirror shows it.
     y = unit(((directions[1] - z) - (directions[1] - z) @ z * z)[None])[0]
     turn = Rotation.from_euler("zyx", angles, degrees=True).as_matrix()
     rotation = np.stack([np.cross(y, z), y, z], axis=1) @ turn

@@ -136,9 +136,9 @@ def test_unknown_formats_are_wrong_usage(run):
         (("--format", "mrcal-splined", "--size", "96x72", "-o", "a.cameramodel"), "leave the size out"),
         (("--format", "mrcal-splined", "--keep", "valid", "-o", "a.cameramodel"), "all that they show"),
         (("--format", "ros", "--fov", "40", "--turn", "180", "-o", "a.yaml"), "looks away from everything"),
-        (("--format", "ros", "--fov", "40", "--keep", "valid", "-o", "a.yaml"), "cannot both be asked for"),
+        (("--format", "ros", "--fov", "40", "--keep", "valid", "-o", "a.yaml"), "cannot both be given"),
         (("--format", "npy", "--size", "40000x10", "-o", "a.npy"), "choose a smaller size"),
-        (("--format", "npy", "--max-std", "1e-9", "-o", "a.npy"), "allow more with --max-std"),
+        (("--format", "npy", "--max-std", "1e-9", "-o", "a.npy"), "allow a larger one"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(run, tmp_path, words, sentence):

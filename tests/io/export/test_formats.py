@@ -26,7 +26,7 @@ from pinholify.io.importing.adoption import adopt
 from pinholify.io.importing.base import ForeignCamera
 from pinholify.io.importing.projections import splined_stereographic
 from pinholify.rectification.straightener import Straightener
-from pinholify.rectification.trust import believable
+from pinholify.rectification.valid_region import valid_pixels
 from pinholify.simulation.lenses import LENSES
 from tilted import IMAGE_SIZE, tilted_calibration
 
@@ -198,7 +198,7 @@ def test_the_largest_error_that_a_spline_tells_holds_at_every_pixel(export, colu
     uv = np.stack(np.meshgrid(*(np.linspace(-0.5, n - 0.51, 2 * n // 3) for n in size)), axis=-1).reshape(-1, 2)
     for chosen in (export, replace(export, camera=replace(camera, domain=replace(camera.domain, max_std=1.0)))):
         model = splined_model(chosen)
-        seen = uv[believable(chosen.camera, uv, chosen.max_std)]
+        seen = uv[valid_pixels(chosen.camera, uv, chosen.max_std)]
         directions = camera.to_rays(seen).directions @ export.view.rotation.T
         errors = np.linalg.norm(splined_stereographic(model.core, model.surface)(directions) - seen, axis=1)
         assert errors.max() <= 1.0001 * model.largest_px + 1e-7  # px, where the map itself is rounded
@@ -360,7 +360,7 @@ def test_losses_are_told(tilted_camera, export, tmp_path):
 
 
 def test_a_view_too_narrow_for_all_says_so(export):
-    """Where the believable part reaches beyond 65° from the view's axis, or is cut by it."""
+    """Where the valid part reaches beyond 65° from the view's axis, or is cut by it."""
     view = export.view
     left_half = type(view)(view.matrix, view.rotation, (SIZE[0] // 2, SIZE[1]))
     cut = type(export.rectification)(left_half, export.rectification.uv[:, : SIZE[0] // 2], export.rectification.valid)

@@ -1,4 +1,4 @@
-"""Folders: the patterns with their manifest, and what a camera captured of them."""
+"""Folders of patterns with their manifest, and folders of captures."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ FORMAT_VERSION = 1
 
 
 def write_patterns(folder: Path, sequence: Sequence) -> Iterator[Path]:
-    """Writes all pictures of ``sequence`` into ``folder`` and then the manifest, which it yields last; lazily.
+    """Write all pictures of ``sequence`` and then the manifest into ``folder``, lazily; yields each path.
 
-    Raises OutputError where a file cannot be written.
+    Raises OutputError if a file cannot be written.
     """
     make_folder(folder)
     for file, pattern in zip(sequence.files, sequence.patterns, strict=True):
@@ -35,7 +35,7 @@ def write_patterns(folder: Path, sequence: Sequence) -> Iterator[Path]:
 
 
 def manifest(sequence: Sequence) -> dict[str, Any]:
-    """What the pictures are, for :func:`read_manifest` and for other programs."""
+    """The description of the pictures, for :func:`read_manifest` and for other programs."""
     return {
         "format_version": FORMAT_VERSION,
         "screen": list(sequence.size),
@@ -47,7 +47,7 @@ def manifest(sequence: Sequence) -> dict[str, Any]:
 
 
 def read_manifest(folder: Path) -> Sequence:
-    """The sequence whose pictures are in ``folder``; raises InputError where its manifest cannot be used."""
+    """The sequence whose pictures are in ``folder``; raises InputError if its manifest cannot be used."""
     path = folder / MANIFEST if folder.is_dir() else folder
     with reading_text(path) as stream:
         text = stream.read()
@@ -59,23 +59,23 @@ def read_manifest(folder: Path) -> Sequence:
         pixel_mm = None if entries["pixel_mm"] is None else float(entries["pixel_mm"])
     except (ValueError, TypeError, KeyError):
         raise InputError(
-            f"'{path}' is no list of patterns; name the folder that 'pinholify gray-code make' wrote"
+            f"'{path}' is not a list of patterns; give the folder that 'pinholify gray-code make' wrote"
         ) from None
     if version != FORMAT_VERSION:
         raise InputError(
-            f"'{path}' has format version {version} and this program knows {FORMAT_VERSION}: make the patterns anew"
+            f"'{path}' has format version {version} and this program reads {FORMAT_VERSION}: make the patterns again"
         )
     return Sequence(numbers[:2], numbers[2], numbers[3], pixel_mm)
 
 
 def capture_paths(folder: Path, sequence: Sequence) -> list[Path]:
-    """The captures in ``folder``, one a pattern in the order of their names.
+    """The captures in ``folder``, one per pattern, in the order of their names.
 
-    Raises ImageError where there are more or fewer, and names the missing one where the captures are called as the
-    patterns are.
+    Raises ImageError if there are more or fewer; the message names a missing one if the captures have the names of the
+    patterns.
     """
     if not folder.is_dir():
-        raise ImageError(f"'{folder}' is no folder; give a folder with the captures of all patterns for each pose")
+        raise ImageError(f"'{folder}' is not a folder; give a folder with the captures of all patterns for each pose")
     paths = image_paths([folder])
     wanted = [Path(file).stem for file in sequence.files]
     missing = [stem for stem in wanted if stem not in {path.stem for path in paths}]
@@ -91,7 +91,7 @@ def capture_paths(folder: Path, sequence: Sequence) -> list[Path]:
 def read_captures(paths: list[Path], size: tuple[int, int] | None = None) -> Iterator[Grey]:
     """The captures (height, width) float32, 0 … 1, one after the other.
 
-    Raises ImageError where one is not of ``size`` (width, height), by default the first one's.
+    Raises ImageError if one is not of ``size`` (width, height), by default the size of the first.
     """
     for path in paths:
         image = read_image(path)
@@ -106,8 +106,8 @@ def read_captures(paths: list[Path], size: tuple[int, int] | None = None) -> Ite
 
 
 def check_new_folder(folder: Path, *, force: bool) -> None:
-    """Raise OutputError where ``folder`` holds anything but earlier patterns, unless ``force``."""
+    """Raise OutputError if ``folder`` is a file, or a folder that is not empty unless ``force``."""
     if folder.exists() and not folder.is_dir():
-        raise OutputError(f"'{folder}' is a file; name a folder for the patterns")
+        raise OutputError(f"'{folder}' is a file; give a folder for the patterns")
     if folder.is_dir() and any(folder.iterdir()) and not force:
         raise OutputError(f"'{folder}' is already there and not empty; choose another folder, or say --force")

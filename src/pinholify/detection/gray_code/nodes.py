@@ -1,8 +1,9 @@
 """Where the camera sees the nodes of a screen: a local fit to all decoded pixels around each.
 
-The screen's place is a quadratic in the camera pixel over the ``spacing`` × ``spacing`` screen pixels around a node;
-the node lies where that polynomial says so. Camera pixels are exact, and the noise (of the Gray code its rounding) is
-the screen place's, so the fit runs that way. All cells are fitted at once, by sums over their pixels.
+Over the ``spacing`` × ``spacing`` screen pixels around a node, its cell, the screen position is fitted as a quadratic
+of the camera pixel; the node lies where that polynomial has its value. The fit runs in this direction because camera
+pixels are exact, and the noise (with a Gray code its rounding) is in the screen position. All cells are fitted at
+once, by sums over their pixels.
 """
 
 from __future__ import annotations
@@ -12,28 +13,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinholify.arrays import Bools, Floats, Ints
+from pinholify.arrays import Bools, Floats, Ints, joined, selected
 from pinholify.board import Screen, size
-from pinholify.detection.gray_code.decoding import ScreenMap
+from pinholify.detection.gray_code.screen_map import ScreenMap
 
 FEWEST_PIXELS = 16
-"""Of a cell: what a quadratic takes, and something to tell its noise by."""
+"""Pixels that a cell needs: enough for a quadratic and an estimate of its noise."""
 
-AMPLE = 1.5
-"""Of the fewest pixels: what a cell should have when a spacing is advised."""
+AMPLE_FACTOR = 1.5
+"""Times FEWEST_PIXELS that a median cell should have when a spacing is recommended."""
 
-COVERED = 0.6
-"""Of the pixels that a whole cell has in the image: below it the cell is cut by an edge, of a hand or the image."""
+COVERED_SHARE = 0.6
+"""Share of a whole cell's pixels below which the cell is cut by an edge, of a hand or of the image."""
 
-AROUND_MEDIAN = 4.0
-"""Median deviations from a cell's median place in the image, beyond which a pixel is not of the cell."""
+MOST_MEDIAN_DEVIATIONS = 4.0
+"""Median deviations from a cell's median position in the image beyond which a pixel does not belong to the cell."""
 
-OUTLIER = 4.0
-"""Standard deviations of a cell's residuals."""
+OUTLIER_STDS = 4.0
+"""Standard deviations of a cell's residuals beyond which a pixel is dropped."""
 
 ROUNDS = 3
+"""Fits of each cell, with outliers dropped in between."""
+
 NEWTON_STEPS = 4
-CHUNK = 400_000
+CHUNK_PIXELS = 400_000
 """Pixels fitted at a time."""
 
 
@@ -46,14 +49,15 @@ class Nodes:
     std: Floats
 
     def select(self, keep: Bools) -> Nodes:
-        """Those where ``keep`` (n,) is true."""
-        return Nodes(self.ids[keep], self.uv[keep], self.std[keep])
+        """The nodes where ``keep`` (n,) is true."""
+        return selected(self, keep)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cells:
-    """Pixels sorted by cell: ``uv`` (p, 2), their places ``xy`` (p, 2) on the screen in spacings from the cell's node,
-    ``starts`` (n,) of the cells ``ids`` (n,).
+    """Pixels ``uv`` (p, 2) sorted by cell; those of the cell ``ids`` (n,) begin at ``starts`` (n,).
+
+    ``xy`` (p, 2) are their positions on the screen in spacings from the cell's node.
     """
 
     ids: Ints
@@ -68,7 +72,7 @@ class _Cells:
         return np.asarray(np.add.reduceat(values, self.starts, axis=0))
 
     def select(self, keep: Bools) -> _Cells:
-        """The pixels where ``keep`` (p,); cells left with too few vanish."""
+        """The pixels where ``keep`` (p,) is true, without cells that are left with too few."""
         enough = self.sums(keep.astype(np.int64)) >= FEWEST_PIXELS
         counts = self.counts()
         keep = keep & np.repeat(enough, counts)
@@ -78,22 +82,21 @@ class _Cells:
 
 
 def fit_nodes(decoded: ScreenMap, screen: Screen) -> Nodes:
-    """The nodes of ``screen`` that ``decoded`` shows, each by a fit of its own; wrong ones may be among them."""
-    parts = [_fit(cells, screen.spacing) for cells in _cells(decoded, screen)]
-    parts = parts or [Nodes(np.empty(0, np.int64), np.empty((0, 2)), np.empty(0))]
-    return Nodes(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("ids", "uv", "std")))
+    """The nodes of ``screen`` that ``decoded`` shows, each fitted separately; some may be wrong."""
+    parts = [_fit(cells) for cells in _cells(decoded, screen)]
+    return joined(parts or [Nodes(np.empty(0, np.int64), np.empty((0, 2)), np.empty(0))])
 
 
 def least_spacing(decoded: ScreenMap, screen: Screen) -> int:
-    """The spacing from which on the cells of ``screen`` that ``decoded`` shows have pixels enough for their fits."""
+    """The smallest spacing (screen px) at which the cells of ``screen`` have enough pixels of ``decoded``."""
     counts = np.concatenate([cells.counts() for cells in _cells(decoded, screen)] or [np.empty(0, np.int64)])
     if not len(counts):
         return screen.spacing
-    return int(np.ceil(screen.spacing * np.sqrt(AMPLE * FEWEST_PIXELS / np.median(counts))))
+    return int(np.ceil(screen.spacing * np.sqrt(AMPLE_FACTOR * FEWEST_PIXELS / np.median(counts))))
 
 
 def _cells(decoded: ScreenMap, screen: Screen) -> Iterator[_Cells]:
-    """The decoded pixels, sorted by cell, some cells at a time."""
+    """The decoded pixels sorted by cell, a number of cells at a time."""
     v, u = np.nonzero(np.isfinite(decoded.x))
     x, y = ((place[v, u] + 0.5) / screen.spacing for place in (decoded.x, decoded.y))
     column, row = x.astype(np.int64), y.astype(np.int64)
@@ -110,13 +113,13 @@ def _cells(decoded: ScreenMap, screen: Screen) -> Iterator[_Cells]:
 
 
 def _chunks(starts: Ints, total: int) -> Iterator[tuple[int, int]]:
-    """Ranges of cells of about ``CHUNK`` pixels each."""
-    bounds = np.searchsorted(starts, np.arange(0, total, CHUNK))
+    """Ranges of cells of about ``CHUNK_PIXELS`` pixels each."""
+    bounds = np.searchsorted(starts, np.arange(0, total, CHUNK_PIXELS))
     bounds = np.unique(np.append(bounds, len(starts)))
     yield from zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
 
 
-def _fit(cells: _Cells, spacing: int) -> Nodes:
+def _fit(cells: _Cells) -> Nodes:
     cells = cells.select(_near_median(cells))
     for i in range(ROUNDS):
         if not len(cells.ids):
@@ -124,24 +127,25 @@ def _fit(cells: _Cells, spacing: int) -> Nodes:
         fit = _quadratics(cells)
         length = np.linalg.norm(fit.residual, axis=1)
         if i + 1 < ROUNDS:
-            cells = cells.select(length <= OUTLIER * np.repeat(fit.noise, cells.counts()))
+            cells = cells.select(length <= OUTLIER_STDS * np.repeat(fit.noise, cells.counts()))
     place, slope = _newton(fit.coefficients)
     leverage = _leverage(fit.gram, _monomials(place))
     inverse = np.linalg.inv(slope) * fit.scale[:, None, None]
     std = fit.noise * np.sqrt(leverage * (inverse**2).sum(axis=(1, 2)) / 2.0)
     whole = np.abs(np.linalg.det(inverse))  # px² that a cell takes in the image
-    good = (np.linalg.norm(place, axis=1) < 1.0) & (cells.counts() > COVERED * whole) & np.isfinite(std) & (std > 0)
+    good = (np.linalg.norm(place, axis=1) < 1.0) & (cells.counts() > COVERED_SHARE * whole)
+    good &= np.isfinite(std) & (std > 0)
     uv = fit.centre + place * fit.scale[:, None]
     return Nodes(cells.ids, uv, std).select(good)
 
 
 def _near_median(cells: _Cells) -> Bools:
-    """Which pixels (p,) lie about where most of their cell's do: a wrong code may come from anywhere."""
+    """Which pixels (p,) lie near the median of their cell: a wrong code may come from anywhere."""
     keep = np.ones(len(cells.uv), dtype=bool)
     counts = cells.counts()
     for axis in (0, 1):
         distance = np.abs(cells.uv[:, axis] - np.repeat(_medians(cells, cells.uv[:, axis]), counts))
-        keep &= distance <= np.repeat(AROUND_MEDIAN * _medians(cells, distance) + 1.0, counts)
+        keep &= distance <= np.repeat(MOST_MEDIAN_DEVIATIONS * _medians(cells, distance) + 1.0, counts)
     return keep
 
 
@@ -154,8 +158,10 @@ def _medians(cells: _Cells, values: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """The quadratics of n cells: ``coefficients`` (n, 6, 2) of the monomials of (uv − ``centre``)/``scale``, their
-    ``gram`` (n, 6, 6), the ``residual`` (p, 2) of each pixel and ``noise`` (n,) per axis, in spacings.
+    """The quadratics of n cells: ``coefficients`` (n, 6, 2) of the monomials of (uv − ``centre``)/``scale``.
+
+    ``gram`` (n, 6, 6) is the monomials' Gram matrix; the ``residual`` (p, 2) of each pixel and the ``noise`` (n,) per
+    axis are in spacings.
     """
 
     centre: Floats
@@ -176,7 +182,7 @@ def _quadratics(cells: _Cells) -> _Fit:
     for i in range(6):
         gram[:, i] = cells.sums(rows[:, i : i + 1] * rows)
     right = np.stack([cells.sums(rows * cells.xy[:, axis, None]) for axis in (0, 1)], axis=2)
-    gram[:, range(6), range(6)] += 1e-9 * counts[:, None]  # cells of pixels in a line: dropped later, not an error now
+    gram[:, range(6), range(6)] += 1e-9 * counts[:, None]  # regular for collinear pixels too, which are dropped later
     coefficients: Floats = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)
     residual = cells.xy - np.einsum("pi,pij->pj", rows, np.repeat(coefficients, counts, axis=0))
     noise = np.sqrt(cells.sums((residual**2).sum(axis=1)) / (2.0 * (counts - 6)))
@@ -184,13 +190,13 @@ def _quadratics(cells: _Cells) -> _Fit:
 
 
 def _monomials(p: Floats) -> Floats:
-    """1, a, b, a², ab, b² of points (n, 2): (n, 6)."""
+    """The monomials 1, a, b, a², ab, b² (n, 6) of points (n, 2)."""
     a, b = p.T
     return np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=1)
 
 
 def _newton(coefficients: Floats) -> tuple[Floats, Floats]:
-    """Where the quadratics (n, 6, 2) are zero, near the origin: (n, 2), and their derivatives there (n, 2, 2)."""
+    """The zeros (n, 2) of the quadratics (n, 6, 2) near the origin, and the derivatives (n, 2, 2) there."""
     place = np.zeros((len(coefficients), 2))
     for _ in range(NEWTON_STEPS):
         value = np.einsum("ni,nij->nj", _monomials(place), coefficients)
@@ -208,6 +214,6 @@ def _slope(coefficients: Floats, place: Floats) -> Floats:
 
 
 def _leverage(gram: Floats, monomials: Floats) -> Floats:
-    """Variance (n,) of the fit at a place, in noise variances."""
+    """Variance (n,) of the fit at a point of given ``monomials`` (n, 6) ÷ variance of the noise."""
     solved = np.linalg.solve(gram, monomials[:, :, None])[:, :, 0]
     return np.asarray((monomials * solved).sum(axis=1))

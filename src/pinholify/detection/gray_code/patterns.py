@@ -1,9 +1,9 @@
-"""The pictures a screen shows, one after the other, so that each of its pixels is known by what it showed.
+"""The sequence of pictures that a screen shows, by which each of its pixels can be identified.
 
 A reflected Gray code (Gray 1953; for screens: Inokuchi, Sato & Matsuda 1984) numbers columns and rows: neighbours
-differ in one bit, so that a pixel which looks at the border of two stripes is wrong by one at most. Each stripe picture
-is followed by its inverse, and only the two are compared: neither ambient light nor the screen's gamma matters. Waves
-(phase shifts; Srinivasan, Liu & Halioua 1984) beside the code tell fractions of a screen pixel.
+differ in one bit, so the error of a pixel at the border of two stripes is one at most. Each stripe picture is followed
+by its inverse, and only the two are compared, so that neither ambient light nor the screen's gamma matters. Waves
+(phase shifts; Srinivasan, Liu & Halioua 1984) add fractions of a screen pixel.
 """
 
 from __future__ import annotations
@@ -22,15 +22,14 @@ CHECKS = 12
 """Squares of the check picture along the screen's shorter side."""
 
 PARTS_OF_WAVE = 4
-"""Stripes into which the Gray code must divide a wave's period, so that it tells the periods apart for certain."""
+"""Stripes into which the Gray code must divide a wave's period, so that the period is never mistaken."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """One picture. ``kind``: ``check``, ``white``, ``black``, ``bit``, ``inverse`` or ``wave``.
+    """One picture of ``kind`` ``check``, ``white``, ``black``, ``bit``, ``inverse`` or ``wave``.
 
-    ``axis`` is what it numbers, 0 the columns and 1 the rows; ``index`` is a bit's place value, 0 the finest, or a
-    wave's step.
+    ``axis`` is 0 if it numbers columns and 1 if rows; ``index`` is a bit's number, 0 the finest, or a wave's step.
     """
 
     kind: str
@@ -39,7 +38,7 @@ class Pattern:
 
     @property
     def name(self) -> str:
-        """A few words for file names: ``column-bit7-inverse``."""
+        """The name used in file names, e.g. ``column-bit7-inverse``."""
         if self.kind not in ("bit", "inverse", "wave"):
             return self.kind
         what = "wave" if self.kind == "wave" else "bit"
@@ -50,9 +49,9 @@ class Pattern:
 class Sequence:
     """All pictures for a screen of ``size`` (width, height) px.
 
-    ``steps`` pictures a wave of ``period`` screen px, none where ``steps`` is 0; waves spare the bits they make
-    needless. ``pixel_mm`` is the distance of two screen pixels where it is known. Raises InputError for one or two
-    steps, for periods that are no power of two from 8 on, and for screens below 32 px.
+    There are ``steps`` pictures per wave of ``period`` screen px, or no waves if ``steps`` is 0; bits that waves make
+    unnecessary are left out. ``pixel_mm`` is the pitch of the screen's pixels, if known. Raises InputError for one or
+    two steps, for periods that are not a power of two of at least 8, and for sides below 32 px or above 32768 px.
     """
 
     size: tuple[int, int]
@@ -66,22 +65,22 @@ class Sequence:
                 f"a screen of {self.size[0]}x{self.size[1]} px was given; its sides must be 32 to {1 << 15} px"
             )
         if self.steps < 0 or self.steps in (1, 2):
-            raise InputError(f"{self.steps} steps of a wave were asked for; it takes 3 or more, or 0 for no waves")
+            raise InputError(f"{self.steps} steps per wave were requested; it takes 3 or more, or 0 for no waves")
         if self.period < 8 or self.period & (self.period - 1):
-            raise InputError(f"a wave of {self.period} px was asked for; its period must be 8, 16, 32 or so on")
+            raise InputError(f"a wave of {self.period} px was requested; its period must be 8, 16, 32 or so on")
 
     @property
     def finest(self) -> int:
-        """Place value of the finest bit that is shown."""
+        """Number of the finest bit that is shown; 0 is the finest of all."""
         return (self.period // PARTS_OF_WAVE).bit_length() - 1 if self.steps else 0
 
     def bits(self, axis: int) -> range:
-        """Place values of the bits along ``axis``, coarsest first."""
+        """Numbers of the bits along ``axis``, coarsest first."""
         return range((self.size[axis] - 1).bit_length() - 1, self.finest - 1, -1)
 
     @property
     def patterns(self) -> tuple[Pattern, ...]:
-        """All pictures in order; the check picture stands first and last, to see whether something moved."""
+        """All pictures in order; the check picture comes first and last, to detect motion."""
         return (Pattern("check"), Pattern("white"), Pattern("black"), *self._axis(0), *self._axis(1), Pattern("check"))
 
     def _axis(self, axis: int) -> Iterator[Pattern]:
@@ -93,12 +92,12 @@ class Sequence:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """A file name for each picture, in order also when sorted."""
+        """A file name for each picture; sorting keeps their order."""
         digits = len(str(len(self.patterns)))
         return tuple(f"{i:0{digits}d}-{pattern.name}.png" for i, pattern in enumerate(self.patterns))
 
     def picture(self, pattern: Pattern) -> NDArray[np.uint8]:
-        """What the screen shows: (height, width) uint8, 0 black, 255 white."""
+        """The picture of ``pattern`` for the screen: (height, width) uint8, 0 black, 255 white."""
         width, height = self.size
         if pattern.kind == "check":
             side = max(1, min(self.size) // CHECKS)

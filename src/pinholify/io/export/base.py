@@ -17,7 +17,7 @@ from pinholify.io.export import format_named
 from pinholify.rectification.maps import RectificationMap, rectification_map
 from pinholify.rectification.straightener import Straightener
 from pinholify.rectification.surfaces import Plane
-from pinholify.rectification.views import STRAIGHT_ON, Angles, View, share_outside
+from pinholify.rectification.views import STRAIGHT_ON, View, YawPitchRoll, share_outside
 
 OUTSIDE = -1.0
 """px; where maps for other programs point when a pixel of the view shows nothing that may be believed."""
@@ -35,7 +35,7 @@ class PinholeExport:
     view_name: str
     max_std: float | None
     rectification: RectificationMap
-    turn: Angles = STRAIGHT_ON
+    turn: YawPitchRoll = STRAIGHT_ON
     fov: float | None = None
     keep: str = "all"
 
@@ -99,7 +99,7 @@ def pinhole_export(
     *,
     size: tuple[int, int] | None = None,
     max_std: float | None = None,
-    turn: Angles = STRAIGHT_ON,
+    turn: YawPitchRoll = STRAIGHT_ON,
     fov: float | None = None,
     keep: str = "all",
 ) -> PinholeExport:
@@ -148,7 +148,7 @@ def export_view(
     *,
     size: tuple[int, int] | None = None,
     max_std: float | None = None,
-    turn: Angles = STRAIGHT_ON,
+    turn: YawPitchRoll = STRAIGHT_ON,
     fov: float | None = None,
     keep: str = "all",
 ) -> list[str]:

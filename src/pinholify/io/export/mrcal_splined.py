@@ -22,7 +22,7 @@ from pinholify.io.files import writing_text
 from pinholify.io.importing.base import Projection
 from pinholify.io.importing.mrcal import knots
 from pinholify.io.importing.projections import splined_stereographic, stereographic_plane
-from pinholify.rectification.trust import believable
+from pinholify.rectification.valid_region import valid_pixels
 from pinholify.splines import SplineSurface, fitted, rounded_up, worst_places
 
 ORDER = 3
@@ -126,7 +126,7 @@ def _border(export: PinholeExport) -> Floats:
 def _directions(export: PinholeExport, uv: Floats) -> Floats:
     """Directions (n, 3) of pixels in the view; nan where they may not be believed, and straight behind."""
     camera, directions = export.camera, np.full((len(uv), 3), np.nan)
-    known = believable(camera, uv, export.max_std)
+    known = valid_pixels(camera, uv, export.max_std)
     directions[known] = camera.chart.directions(camera.plane_map.value(uv[known])) @ export.view.rotation.T
     directions[~(directions[:, 2] > WIDEST)] = np.nan
     return directions

@@ -1,4 +1,4 @@
-"""Simulated lenses, one a file, and one specimen of each in :data:`LENSES`.
+"""Simulated lenses, one per file, with a specimen of each in :data:`LENSES`.
 
 A new lens is one new file and one line here; the conformance tests run over the registry.
 """

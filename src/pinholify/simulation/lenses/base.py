@@ -1,4 +1,4 @@
-"""What a simulated lens is: pixels to rays of light, and points of space to pixels."""
+"""The interface of simulated lenses: pixels to rays, and points to pixels."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pinholify.arrays import Floats
 
 
 class Rays(NamedTuple):
-    """Half lines in the camera frame (x right, y down, z forward): ``origins`` and ``directions``, (N, 3).
+    """Rays in the camera frame (x right, y down, z forward): ``origins`` and unit ``directions``, (N, 3) each.
 
-    The unit direction leads away from the camera into the scene; it is NaN where a pixel sees nothing.
+    Directions point from the camera into the scene; they are NaN where a pixel sees nothing.
     """
 
     origins: Floats
@@ -20,7 +20,7 @@ class Rays(NamedTuple):
 
 
 class Lens(Protocol):
-    """An imaging system of any kind. Pixels: integer = centre of a pixel; lengths in squares of the board."""
+    """An imaging system of any kind. Pixels: integer = pixel centre; lengths in squares of the board."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -37,9 +37,9 @@ class Lens(Protocol):
         ...
 
     def project(self, points: Floats) -> Floats:
-        """Where ``points`` (N, 3) of the camera frame appear: (N, 2) px, NaN where they cannot be imaged.
+        """Pixels (N, 2) of ``points`` (N, 3) of the camera frame; NaN where they cannot be imaged.
 
-        The image plane is thought without end: a pixel beyond ``size`` is a number and not NaN.
+        The image plane is unbounded: pixels beyond ``size`` are not NaN.
         """
         ...
 
@@ -56,11 +56,11 @@ def central_rays(directions: Floats) -> Rays:
 
 
 def image_centre(size: tuple[int, int]) -> Floats:
-    """The middle of an image of ``size`` (width, height): (2,) px."""
+    """The centre (2,) of an image of ``size`` (width, height), in px."""
     return (np.array(size, dtype=np.float64) - 1) / 2
 
 
 def require_central(lens: Lens, what: str) -> None:
-    """Raises ValueError where ``what`` is put before a lens without a centre."""
+    """Raise ValueError if ``lens``, which is to be combined with ``what``, has no single centre."""
     if not lens.central:
-        raise ValueError(f"{what} needs a lens with a single centre, {type(lens).__name__} has none")
+        raise ValueError(f"{what} needs a lens with a single centre, but {type(lens).__name__} has none")

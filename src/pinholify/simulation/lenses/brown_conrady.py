@@ -19,9 +19,9 @@ from pinholify.simulation.newton import smallest_positive, solve
 
 @dataclass(frozen=True, slots=True)
 class BrownConrady:
-    """``focal`` (x, y) and ``offset`` of the principal point from the image's middle in px.
+    """OpenCV's model with ``focal`` (x, y) and the ``offset`` of the principal point from the image's centre, in px.
 
-    All else as in OpenCV: ``radial`` k1, k2, k3; ``denominator`` k4, k5, k6; ``tangential`` p1, p2;
+    The other parameters are OpenCV's: ``radial`` k1, k2, k3; ``denominator`` k4, k5, k6; ``tangential`` p1, p2;
     ``thin_prism`` s1 … s4; ``tilt`` of the sensor τx, τy in radians.
     """
 
@@ -37,7 +37,7 @@ class BrownConrady:
 
     @property
     def _radius_squared_limit(self) -> float:
-        """r² at which the distorted radius stops growing: beyond it the formula folds the image over."""
+        """r² at which the distorted radius stops growing: beyond it the model folds the image over."""
         n, d, s = Polynomial([1, *self.radial]), Polynomial([1, *self.denominator]), Polynomial([0, 1])
         slope = n * d + 2 * s * (n.deriv() * d - n * d.deriv())
         roots = np.concatenate([slope.trim().roots(), d.trim().roots()])
@@ -68,7 +68,7 @@ class BrownConrady:
         return value, np.stack([np.stack(du, axis=1), np.stack(dv, axis=1)], axis=1)
 
     def unproject(self, uv: Floats) -> Rays:
-        """The rays that the pixels ``uv`` (N, 2) see; NaN beyond the radius where the formula turns back."""
+        """The rays that the pixels ``uv`` (N, 2) see; NaN beyond the largest distorted radius."""
         distorted = apply_homography(np.asarray(np.linalg.inv(self._sensor)), uv)
         limit = self._radius_squared_limit
         r = np.maximum(np.linalg.norm(distorted, axis=1, keepdims=True), 1e-300)
@@ -77,7 +77,7 @@ class BrownConrady:
         return central_rays(np.concatenate([xy, np.ones((len(xy), 1))], axis=1))
 
     def project(self, points: Floats) -> Floats:
-        """Pixels (N, 2) of ``points`` (N, 3); NaN behind the camera and where the formula has turned back."""
+        """Pixels (N, 2) of ``points`` (N, 3); NaN behind the camera and where the model folds over."""
         xy = points[:, :2] / np.where(points[:, 2:] > 0, points[:, 2:], np.nan)
         xy = np.where((xy**2).sum(axis=1, keepdims=True) <= self._radius_squared_limit, xy, np.nan)
         return apply_homography(self._sensor, self._distort(xy, np.arange(len(xy)))[0])

@@ -1,4 +1,4 @@
-"""The Kannala-Brandt fisheye, which may look behind itself.
+"""The Kannala-Brandt fisheye, whose field of view may exceed 180°.
 
 Source: Kannala & Brandt, *A generic camera model and calibration method* (2006), radially symmetric part.
 """
@@ -19,7 +19,7 @@ from pinholify.simulation.newton import smallest_positive, solve
 class Fisheye:
     """``radius = focal · θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)`` px at the angle θ from the axis.
 
-    ``offset`` moves the principal point from the image's middle, px.
+    ``offset`` is that of the principal point from the image's centre, px.
     """
 
     size: tuple[int, int]
@@ -34,7 +34,7 @@ class Fisheye:
 
     @property
     def _angle_limit(self) -> float:
-        """θ at which the radius stops growing, or half a turn."""
+        """θ at which the radius stops growing, π at most."""
         return min(smallest_positive(self._radius.deriv().trim().roots().tolist(), np.pi), np.pi)
 
     def _angles(self, radius: Floats) -> Floats:
@@ -57,7 +57,7 @@ class Fisheye:
         return central_rays(np.concatenate([sideways, np.cos(theta)], axis=1))
 
     def project(self, points: Floats) -> Floats:
-        """Pixels (N, 2) of ``points`` (N, 3), also behind the camera; NaN where the formula turned back."""
+        """Pixels (N, 2) of ``points`` (N, 3), also behind the camera; NaN beyond the angle of the largest radius."""
         rho = np.linalg.norm(points[:, :2], axis=1, keepdims=True)
         theta = np.arctan2(rho, points[:, 2:])
         theta = np.where(theta <= self._angle_limit, theta, np.nan)

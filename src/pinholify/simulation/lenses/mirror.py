@@ -1,4 +1,4 @@
-"""A camera that looks at a curved mirror: rays traced to it and reflected, and no single centre."""
+"""A camera that looks at a curved mirror: reflected rays without a single centre."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from pinholify.simulation.newton import solve
 
 
 def reflect(directions: Floats, normals: Floats) -> Floats:
-    """``directions`` (N, 3) after mirrors of unit ``normals`` (N, 3): the law of reflection."""
+    """``directions`` (N, 3) after reflection by mirrors with unit ``normals`` (N, 3)."""
     return np.asarray(directions - 2 * (directions * normals).sum(axis=1, keepdims=True) * normals)
 
 
 @dataclass(frozen=True, slots=True)
 class Mirror:
-    """A central ``lens`` before the mirror z = ``a`` r² + ``b`` r⁴ of a given ``radius``; lengths in squares.
+    """A central ``lens`` in front of the mirror z = ``a`` r² + ``b`` r⁴ of the given ``radius``; lengths in squares.
 
-    The mirror's frame stands ``distance`` before the camera, on its axis, turned by ``tilt`` (degrees) about
-    the camera's x axis; its z points away from the camera, so a and b of at least zero bulge towards it, the
-    more the further out. Images are reversed, and the scene lies on the camera's side. Raises ValueError for
-    a or b below zero.
+    The mirror's frame is ``distance`` in front of the camera, on its axis, rotated by ``tilt`` (degrees) about the
+    camera's x axis. Its z points away from the camera, so the mirror is convex for a and b of at least zero. Images are
+    reversed, and the scene lies on the camera's side. Raises ValueError for a or b below zero, and for a lens without a
+    single centre.
     """
 
     lens: Lens
@@ -37,10 +37,10 @@ class Mirror:
     central = False
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be traced."""
+        """Refuse mirrors that cannot be traced."""
         require_central(self.lens, "a mirror")
         if self.a < 0 or self.b < 0:
-            raise ValueError(f"a mirror of a = {self.a}, b = {self.b} is hollow; both must be at least zero")
+            raise ValueError(f"a mirror of a = {self.a}, b = {self.b} is not convex; both must be at least zero")
 
     @property
     def size(self) -> tuple[int, int]:
@@ -64,7 +64,7 @@ class Mirror:
         return np.asarray(np.where((xy**2).sum(axis=1, keepdims=True) <= self.radius**2, xy, np.nan))
 
     def unproject(self, uv: Floats) -> Rays:
-        """The reflected rays, from the mirror on; NaN for pixels that miss it."""
+        """The reflected rays of the pixels ``uv`` (N, 2), starting at the mirror; NaN for pixels that miss it."""
         pose = self._camera_from_mirror
         directions = self.lens.unproject(uv).directions @ pose.rotation
         camera = -pose.translation @ pose.rotation
@@ -74,7 +74,7 @@ class Mirror:
             height, slope, _ = self._surface(p[:, :2])
             return (p[:, 2] - height)[:, None], (d[:, 2] - (slope * d[:, :2]).sum(axis=1))[:, None, None]
 
-        # Along the ray the gap is concave, so Newton comes from the camera's side and finds the first hit.
+        # The gap is concave along the ray, so Newton's method starts on the camera's side and finds the first hit.
         s = solve(above_surface, 0 * directions[:, :1], np.zeros((len(uv), 1)))
         hits = camera + s * directions
         hits[:, :2] = self._inside(hits[:, :2])
@@ -83,7 +83,7 @@ class Mirror:
         return Rays(pose.apply(hits), reflect(directions, normals) @ pose.rotation.T)
 
     def project(self, points: Floats) -> Floats:
-        """Pixels (N, 2) of ``points`` (N, 3) before the mirror; NaN where it does not show them."""
+        """Pixels (N, 2) of ``points`` (N, 3) in front of the mirror; NaN where it does not show them."""
         pose = self._camera_from_mirror
         camera = -pose.translation @ pose.rotation
         scene = (points - pose.translation) @ pose.rotation
@@ -95,9 +95,9 @@ class Mirror:
         return self.lens.project(np.where(in_front[:, None], pose.apply(hits), np.nan))
 
     def _reflection_points(self, camera: Floats, scene: Floats) -> Floats:
-        """Where on the mirror (N, 2) light from ``scene`` (N, 3) turns to ``camera`` (3,).
+        """The points (N, 2) of the mirror at which light from ``scene`` (N, 3) is reflected to ``camera`` (3,).
 
-        Fermat: the way over the mirror is stationary, so its gradient over the surface is zero.
+        Fermat's principle: the length of the path is stationary, so its gradient over the surface is zero.
         """
 
         def gradient(xy: Floats, rows: Ints) -> tuple[Floats, Floats]:
@@ -114,6 +114,6 @@ class Mirror:
                 hessian += metric / length[:, None, None] + bend * (d[:, 2] / length)[:, None, None]
             return value, hessian
 
-        # A flat mirror reflects at the point that divides the way by the two heights.
+        # A flat mirror reflects at the point that divides the path in the ratio of the two heights.
         share = (camera[2] / (camera[2] + np.minimum(scene[:, 2], camera[2] / 10)))[:, None]
         return solve(gradient, np.zeros_like(scene[:, :2]), camera[:2] + share * (scene[:, :2] - camera[:2]))

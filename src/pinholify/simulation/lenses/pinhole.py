@@ -25,6 +25,6 @@ class Pinhole:
         return central_rays(np.concatenate([plane, np.ones((len(uv), 1))], axis=1))
 
     def project(self, points: Floats) -> Floats:
-        """Pixels (N, 2) of ``points`` (N, 3); NaN for points that are not before the camera."""
+        """Pixels (N, 2) of ``points`` (N, 3); NaN for points that are not in front of the camera."""
         depth = np.where(points[:, 2:] > 0, points[:, 2:], np.nan)
         return np.asarray(self.focal * points[:, :2] / depth + image_centre(self.size) + self.offset)

@@ -1,4 +1,4 @@
-"""The same lens with larger or smaller pixels."""
+"""A lens with larger or smaller pixels."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pinholify.simulation.lenses.base import Lens, Rays
 
 @dataclass(frozen=True, slots=True)
 class Resized:
-    """``lens`` with its whole image scaled to ``size``; edges of the images, not pixel centres, are kept."""
+    """``lens`` with its whole image scaled to ``size``; the image's edges, not the pixel centres, stay in place."""
 
     lens: Lens
     size: tuple[int, int]
 
     @property
     def central(self) -> bool:
-        """Whether the lens is."""
+        """Whether the lens is central."""
         return self.lens.central
 
     @property

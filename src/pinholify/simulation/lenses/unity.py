@@ -1,7 +1,7 @@
 """A pinhole camera seen through the lens effect of the Unity engine's post-processing stack.
 
-The effect is radial in image coordinates divided by width *and* height, so circles become ellipses in px: no
-lens formula that is radial in px can follow it.
+The effect is radial in image coordinates divided by width *and* height, so circles become ellipses in px: no lens model
+that is radial in px fits it.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from pinholify.simulation.lenses.pinhole import Pinhole
 class Unity:
     """The lens effect of ``intensity`` (-100 … 100; above zero barrel, below pincushion) around ``centre``.
 
-    ``centre`` is given from the image's middle in units of width and height. With q = (p + ½)/(W, H) - ½ -
-    centre and r = ‖q‖, the shown pixel at r shows the pinhole image's point at tan(θ r)/σ (barrel) or atan(σ
-    r)/θ (pincushion); θ = min(160°, 1.6°·max(1, abs(intensity))) and σ = 2 tan(θ/2).
+    ``centre`` is the offset from the image's centre in units of width and height. With q = (p + ½)/(W, H) - ½ - centre
+    and r = ‖q‖, the pixel at r shows the pinhole image's point at tan(θ r)/σ (barrel) or atan(σ r)/θ (pincushion),
+    where θ = min(160°, 1.6°·max(1, abs(intensity))) and σ = 2 tan(θ/2).
     """
 
     size: tuple[int, int]
@@ -35,7 +35,7 @@ class Unity:
         return float(np.deg2rad(min(160.0, 1.6 * max(abs(self.intensity), 1.0))))
 
     def _stretch(self, r: Floats) -> Floats:
-        # tan(θ r)/σ, NaN from the right angle on
+        # tan(θ r)/σ, NaN from 90° on
         angle = self._theta * r
         return np.asarray(np.where(angle < np.pi / 2, np.tan(angle), np.nan) / (2 * np.tan(self._theta / 2)))
 
@@ -55,5 +55,5 @@ class Unity:
         return Pinhole(self.size, self.focal).unproject(self._move(uv, stretch=self.intensity > 0))
 
     def project(self, points: Floats) -> Floats:
-        """Pixels (N, 2) of ``points`` (N, 3); NaN behind the camera or beyond the effect's right angle."""
+        """Pixels (N, 2) of ``points`` (N, 3); NaN behind the camera or where θ r reaches 90°."""
         return self._move(Pinhole(self.size, self.focal).project(points), stretch=self.intensity <= 0)

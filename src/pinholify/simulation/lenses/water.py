@@ -1,4 +1,4 @@
-"""A camera that looks through a flat pane of glass into water: refraction, and no single centre."""
+"""A camera that looks through a flat pane of glass into water: refracted rays without a single centre."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pinholify.simulation.newton import solve
 
 
 def refract(directions: Floats, normal: Floats, index_ratio: float) -> Floats:
-    """Unit ``directions`` (N, 3) after a surface of unit ``normal`` (3,), by Snell's law in vectors.
+    """Unit ``directions`` (N, 3) after refraction at a surface with unit ``normal`` (3,), by Snell's law.
 
-    ``index_ratio`` is the index before the surface ÷ the index behind it; NaN where all light is reflected.
+    ``index_ratio`` is the refractive index in front of the surface ÷ that behind it; NaN for total reflection.
     """
     tangential = index_ratio * (directions - (directions @ normal)[:, None] * normal)
     with np.errstate(invalid="ignore"):
@@ -24,10 +24,10 @@ def refract(directions: Floats, normal: Floats, index_ratio: float) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class WaterPane:
-    """A central ``lens`` in air, ``distance`` before a pane of ``thickness`` with water behind; in squares.
+    """A central ``lens`` in air, ``distance`` in front of a pane of ``thickness`` with water behind it; in squares.
 
-    ``normal`` is the pane's direction in the camera frame, away from the camera; it need not be of unit
-    length.
+    ``normal`` is that of the pane in the camera frame, pointing away from the camera; it need not be of unit length.
+    Raises ValueError for a lens without a single centre.
     """
 
     lens: Lens
@@ -39,7 +39,7 @@ class WaterPane:
     central = False
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be traced."""
+        """Refuse lenses that cannot be traced."""
         require_central(self.lens, "a water pane")
 
     @property
@@ -52,7 +52,7 @@ class WaterPane:
         return np.asarray(np.array(self.normal) / np.linalg.norm(self.normal))
 
     def unproject(self, uv: Floats) -> Rays:
-        """The rays in water, from the pane's outer face; NaN for pixels that look away from the pane."""
+        """The rays in water of the pixels ``uv`` (N, 2), from the pane's outer face; NaN where they miss the pane."""
         normal = self._normal
         in_air = self.lens.unproject(uv).directions
         cosine = (in_air @ normal)[:, None]
@@ -74,7 +74,7 @@ class WaterPane:
         return self.lens.project(normal + lateral * tangent / np.maximum(rho, 1e-300))
 
     def _tangent_in_air(self, rho: Floats, depth: Floats) -> Floats:
-        """tan of the angle to the normal in air (N, 1) that carries a ray by ``rho`` sideways at ``depth``.
+        """Tangent (N, 1) of the angle in air to the normal at which a ray is ``rho`` off the normal at ``depth``.
 
         By Snell's law a ray of tangent t in air has t/√(n² + (n² - 1) t²) in a medium of index n.
         """

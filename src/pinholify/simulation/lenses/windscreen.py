@@ -1,7 +1,7 @@
 """A lens behind a pane of uneven thickness, such as a windscreen.
 
-A thin prism turns a ray in proportion to its wedge, so a pane bends rays along the gradient of its thickness.
-The bend is expressed as a shift of the image: pixel uv shows what the lens alone shows at uv + ∇h(uv).
+A thin prism deflects a ray in proportion to its wedge angle, so a pane deflects rays along the gradient of its
+thickness. The deflection is expressed as a shift of the image: pixel uv shows what the lens alone shows at uv + ∇h(uv).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pinholify.simulation.newton import solve
 
 @dataclass(frozen=True, slots=True)
 class Bump:
-    """A Gaussian swelling of the pane at ``uv``, ``width`` wide, that shifts by up to ``shift``; in px."""
+    """A Gaussian bump of the pane at ``uv`` with standard deviation ``width`` and a largest shift ``shift``, in px."""
 
     uv: tuple[float, float]
     width: float
@@ -35,7 +35,7 @@ class Bump:
 
     def _height(self, uv: Floats) -> tuple[Floats, Floats]:
         d = (uv - self.uv) / self.width
-        # exp(½ - ½d²)·d is largest at d = 1, where it is 1.
+        # The maximum of exp(½ - ½d²)·d is 1, at d = 1.
         return d, np.asarray(self.shift * np.exp(0.5 - 0.5 * (d[:, 0] ** 2 + d[:, 1] ** 2)))
 
 
@@ -53,7 +53,7 @@ class Windscreen:
 
     @property
     def central(self) -> bool:
-        """Whether the lens behind the pane is."""
+        """Whether the lens behind the pane is central."""
         return self.lens.central
 
     def _bend(self, uv: Floats) -> Floats:
@@ -74,7 +74,7 @@ class Windscreen:
 
 
 def bumpy(lens: Lens, *, count: int, width: float, shift: float, seed: int) -> Windscreen:
-    """``lens`` behind ``count`` random bumps, each about ``width`` px wide and of up to ``shift`` px."""
+    """``lens`` behind ``count`` random bumps with widths of about ``width`` px and shifts of up to ``shift`` px."""
     rng = np.random.default_rng(seed)
     places = rng.uniform(0, lens.size, (count, 2))
     widths = width * rng.uniform(0.7, 1.4, count)
