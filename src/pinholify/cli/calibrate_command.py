@@ -53,7 +53,8 @@ FEWEST_BOARDS = 3  # the reference and two boards of other orientations
 @click.option("--square", "square_mm", type=options.length, help="Side of a square, e.g. 25mm.")
 @click.option("--reference", metavar="IMAGE", help="Image whose board defines the frame; by default the largest board.")
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True,
-              help="joint: all boards determine the map; one-image: the reference alone; auto: joint from four on.")
+              help="joint: all boards determine the map; one-image: the reference alone; auto: joint with four or more "
+              "boards.")
 @click.option("--kernel", default="se", show_default=True, help="Kernel: se, ard-se, matern32, matern52 or rq.")
 @click.option(
     "--trend",

@@ -105,7 +105,9 @@ def decode(
     as_json: bool,
     force: bool,
 ) -> None:
-    """Locate the nodes of the screen in captures of all patterns: one folder per pose (FOLDERS), sorted by file name.
+    """Locate the nodes of the screen in captures of all patterns, in one folder per pose (FOLDERS).
+
+    The captures of a pose are taken in the natural order of their file names.
 
     With --maps, NAME.npz holds x and y (height x width): the screen coordinates that each pixel sees, nan where
     unknown.

@@ -54,9 +54,9 @@ def command(
 ) -> None:
     """Convert FILE, a camera calibrated by another program, to a camera file for all other commands.
 
-    The lens is reproduced by a spline over the image, and the fit error is printed. Such files do not contain how well
-    the camera was calibrated: standard deviations are those of the fit alone. One square of the virtual plane is one
-    pixel of the camera's ideal pinhole image.
+    The lens is reproduced by a spline over the image, and the fit error is printed. Such files do not contain the
+    uncertainty of the calibration, so standard deviations are those of the fit alone. One square of the virtual plane
+    is one pixel of the camera's ideal pinhole image.
     """
     from pinholify.io.camera_file import write_camera
     from pinholify.io.importing import read_foreign

@@ -64,7 +64,7 @@ def straighten_one_video(
 
 
 def to_json(job: VideoJob, frames: int, straightener: Straightener, failure: str) -> dict[str, Any]:
-    """The object that ``--json`` prints; ``failure`` says what is missing of the source, empty if nothing."""
+    """The object that ``--json`` prints; ``failure`` says what the source lacks; empty if nothing."""
     return {
         "format_version": 1,
         "written": [job.target],

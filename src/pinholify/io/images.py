@@ -56,7 +56,7 @@ def read_image(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Image:
     """The image in the file ``path``: grey or colour (BGR), uint8 or uint16, at full size, without alpha.
 
     EXIF rotation is ignored on purpose: a calibration belongs to the sensor, whose pixels do not move when
-    the camera is turned. Raises ImageError for a file that is missing, empty, cut short, no image, or of more
+    the camera is turned. Raises ImageError for a file that is missing, empty, cut short, not an image, or of more
     than ``max_pixels``.
     """
     return decode_image(read_bytes(path), str(path), max_pixels=max_pixels)

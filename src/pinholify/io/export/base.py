@@ -172,7 +172,7 @@ NO_MAPS = "the format cannot hold the maps: it describes images that 'pinholify 
 """What formats that only hold K lose."""
 
 
-def beside(path: Path, ending: str) -> Path:
+def sibling(path: Path, ending: str) -> Path:
     """``path`` with ``ending`` inserted before its suffix."""
     return path.with_name(f"{path.stem}{ending}{path.suffix}")
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinholify.errors import OutputError
-from pinholify.io.export.base import Format, PinholeExport, beside, commented
+from pinholify.io.export.base import Format, PinholeExport, commented, sibling
 from pinholify.io.files import atomic_path
 
 LARGEST = 65535
@@ -35,7 +35,7 @@ def write(export: PinholeExport, path: Path) -> None:
 
 def files(path: Path) -> tuple[Path, Path]:
     """The two files that are written for ``path``."""
-    return beside(path, "-x"), beside(path, "-y")
+    return sibling(path, "-x"), sibling(path, "-y")
 
 
 def rounded_maps(export: PinholeExport) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:

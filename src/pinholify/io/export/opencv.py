@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pinholify.io.export.base import Format, PinholeExport, beside
+from pinholify.io.export.base import Format, PinholeExport, sibling
 from pinholify.io.files import atomic_path
 
 
@@ -33,7 +33,7 @@ def write(export: PinholeExport, path: Path) -> None:
 
 def files(path: Path) -> tuple[Path, Path]:
     """The two files that are written for ``path``."""
-    return path, beside(path, "-maps")
+    return path, sibling(path, "-maps")
 
 
 def _write_storage(path: Path, entries: dict[str, object], *, base64: bool = False) -> None:

@@ -55,11 +55,11 @@ def shortfall(path: str) -> Shortfall | None:
     """
     with opened(path) as (container, stream):
         seen, rate = _seen(container, stream), stream.average_rate or stream.guessed_rate or Fraction(25)
-        told, reached = _lengths(container, stream, seen, rate)
-        if not seen.times or told is None or told - reached <= max(FEW_FRAMES / rate, SHORT_TIME):
+        declared, reached = _lengths(container, stream, seen, rate)
+        if not seen.times or declared is None or declared - reached <= max(FEW_FRAMES / rate, SHORT_TIME):
             return None
         found, start = len(seen.times), min(seen.times)
-        about = round(found * (told - start) / max(reached - start, 1 / rate))
+        about = round(found * (declared - start) / max(reached - start, 1 / rate))
         return Shortfall(found, max(stream.frames or about, found + 1))
 
 

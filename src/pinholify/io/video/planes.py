@@ -103,10 +103,10 @@ def _plane_sampler(rectification: RectificationMap, image_size: tuple[int, int],
         return sampler(rectification, image_size, fixed_point=True)
     columns, rows = step
     blocks = _blocks(rectification.uv, step)
-    beside_left = blocks[:, :, :, 0]  # (height, rows, width, 2)
+    left = blocks[:, :, :, 0]  # (height, rows, width, 2)
     with np.errstate(invalid="ignore"):
-        known = np.isfinite(beside_left)
-        uv = np.where(known, beside_left, 0).sum(axis=1) / known.sum(axis=1)
+        known = np.isfinite(left)
+        uv = np.where(known, left, 0).sum(axis=1) / known.sum(axis=1)
     uv[..., 1] -= (rows - 1) / 2.0
     plane_map = replace(
         rectification,
