@@ -96,7 +96,8 @@ def test_any_other_view_of_nothing_is_refused(files, tmp_path, options):
 def test_what_a_fitted_view_leaves_out_is_said(files, tmp_path):
     for options in ((), ("--keep", "valid"), ("--fov", "40")):
         assert said(files, tmp_path, *options) == ""
-    turned = re.fullmatch(r"note: (.*)% of the known part of the photograph .*\n", said(files, tmp_path, "--turn", "50"))
+    note = said(files, tmp_path, "--turn", "50")
+    turned = re.fullmatch(r"note: (.*)% of the known part of the photograph .*\n", note)
     camera = read_camera(files / "camera.npz").camera
     view = views.named_view(camera, "camera", None, None, turn=(50.0, 0.0, 0.0))
     shown = np.zeros((SIZE[1], SIZE[0]), bool)
