@@ -1,4 +1,4 @@
-"""The documentation, made by ``make docs``: warnings are errors, nothing is fetched, no page asks a network."""
+"""The documentation, built by ``make docs``: warnings are errors, and neither the build nor a page uses the network."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ myst_heading_anchors = 3
 
 nitpicky = True
 nitpick_ignore_regex = [
-    (r"py:.*", r"(?!pinholify\.).*"),  # types of other packages, whose inventories are not fetched; short names of ours
-    (r"py:class", r"pinholify\.(refinement|reproduction)\..*"),  # what only they are made of, in signatures
+    (r"py:.*", r"(?!pinholify\.).*"),  # types of other packages, whose inventories are not fetched; our short names
+    (r"py:class", r"pinholify\.(refinement|reproduction)\..*"),  # types that only appear in signatures
 ]
 
 autodoc_default_options = {"members": True, "member-order": "bysource"}

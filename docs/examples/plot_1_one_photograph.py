@@ -2,9 +2,10 @@
 Straight lines from one photograph
 ==================================
 
-One photograph of a board that fills the frame makes the map of the image; two more,
-tilted, tell the focal length. This is the paper's method. The camera here is a fisheye
-of 122° behind a windscreen with bumps of several px, which no lens formula describes.
+One photograph of a board that fills the frame determines the map of the image; two
+more, of tilted boards, determine the focal length. This is the paper's method. The
+camera here is a 122° fisheye behind a windscreen with bumps of several px, which no
+lens formula describes.
 """
 
 # sphinx_gallery_thumbnail_number = 2
@@ -23,7 +24,7 @@ from pinholify.simulation.demo import DEMO, street
 # Photographs
 # -----------
 #
-# Rendered, and written as files, as a camera would.
+# They are rendered and written to files, as a camera would do.
 
 scene = reduced(DEMO, 2.0)
 board = scene.board
@@ -50,17 +51,17 @@ focal, std = camera.intrinsics.f, calibration.intrinsics_std[0]
 print(f"from {calibration.reference}: f = {focal:.3f} ± {std:.3f} squares")
 
 # %%
-# A street, straight
-# ------------------
+# A street, straightened
+# ----------------------
 #
-# What lies outside the board is not known, and stays black.
+# The part of the image outside the board is unknown, and remains black.
 
 seen = street(scene.lens)
 straight = pinholify.Straightener(camera)(seen)
 
 figure, axes = plt.subplots(1, 2, figsize=(10, 3.9), layout="constrained")
 for axis, picture, title in zip(
-    axes, (seen, straight), ("as photographed", "straight"), strict=True
+    axes, (seen, straight), ("as photographed", "straightened"), strict=True
 ):
     axis.imshow(picture)
     axis.set_title(title)
@@ -70,8 +71,9 @@ for axis, picture, title in zip(
 # Is it right?
 # ------------
 #
-# Points on straight lines of space that the calibration never saw: where the true lens
-# shows them, and how far their virtual points are from a line, in px of the image.
+# Take points on straight lines in space that were not used in the calibration, project
+# them with the true lens, and measure how far their virtual points are from a straight
+# line, in px of the image.
 
 z = 6.0
 lines = [
@@ -87,5 +89,5 @@ for line in lines:
     per_pixel = np.sqrt(np.abs(np.linalg.det(camera.virtual_jacobian(pixels))))
     errors.append((points - points.mean(axis=0)) @ across / per_pixel)
 error = np.sqrt(np.mean(np.concatenate(errors) ** 2))
-print(f"distance from a straight line: {error:.3f} px rms")
+print(f"distance from a straight line: {error:.3f} px RMS")
 assert error < 0.5

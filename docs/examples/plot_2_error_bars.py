@@ -1,10 +1,10 @@
 """
-All boards together, and error bars that are true
-=================================================
+All boards together, with correct error bars
+============================================
 
-From four boards on, all of them make the map, in one solve. Everything that comes out
-has a standard deviation. Here the corners carry noise of a known size and the camera is
-known, so that the error bars can be held against the errors.
+With four or more boards, all of them determine the map, in one solve. Every result has
+a standard deviation. Here the noise of the corners and the camera are known, so the
+error bars can be compared with the actual errors.
 """
 
 import matplotlib.pyplot as plt
@@ -23,7 +23,7 @@ truth = np.array(virtual_camera(poses[0]))
 
 
 def calibrated(seed):
-    """A camera from corners with noise of their own."""
+    """A camera from corners with independent noise."""
     rng = np.random.default_rng(seed)
     views = []
     for i, pose in enumerate(poses):
@@ -40,7 +40,7 @@ calibrations = [calibrated(seed) for seed in range(8)]
 # Focal length and principal point
 # --------------------------------
 #
-# In squares of the reference board: f is its distance, (uc, vc) the foot of the
+# In squares of the reference board: f is the distance from it, (uc, vc) the foot of the
 # perpendicular on it.
 
 found = np.array(
@@ -54,19 +54,20 @@ for axis, name, values, std, true in zip(
 ):
     axis.errorbar(np.arange(len(values)), values - true, std, fmt="o", capsize=3)
     axis.axhline(0.0, color="gray", linewidth=1)
-    axis.set(title=f"{name}: found less true, squares", xlabel="draw of the noise")
+    axis.set(title=f"{name}: error, squares", xlabel="noise realisation")
 
 deviations = (found - truth) / stds
 rms, largest = np.sqrt(np.mean(deviations**2)), np.abs(deviations).max()
-print(f"errors in standard deviations: {rms:.2f} rms, {largest:.1f} largest")
+print(f"errors in standard deviations: {rms:.2f} RMS, {largest:.1f} largest")
 assert largest < 4.0
 
 # %%
 # Rays
 # ----
 #
-# How far a pixel's ray is off, and what the camera says of it. The frame of a camera is
-# its reference board's, whose pose each draw estimates anew, and so has a part in both.
+# The error of a pixel's ray, and its predicted standard deviation. The frame of a
+# camera is that of its reference board, whose pose is estimated in each realisation,
+# so its uncertainty contributes to both.
 
 pixels = np.stack(
     np.meshgrid(np.linspace(40, 600, 15), np.linspace(40, 440, 11)), axis=-1
@@ -74,31 +75,31 @@ pixels = np.stack(
 directions = (
     lens.unproject(pixels).directions @ poses[0].rotation
 )  # in the reference board's frame
-errors, said = [], []
+errors, predictions = [], []
 for calibration in calibrations:
     camera = calibration.camera
     errors.append(camera.project(directions) - pixels)
-    said.append(camera.to_rays(pixels).std_px)
+    predictions.append(camera.to_rays(pixels).std_px)
 measured = np.sqrt(np.mean(np.square(errors), axis=(0, 2)))
-predicted = np.sqrt(np.mean(np.square(said), axis=0))
+predicted = np.sqrt(np.mean(np.square(predictions), axis=0))
 
 figure, axis = plt.subplots(figsize=(4.6, 4.2), layout="constrained")
 axis.loglog(predicted, measured, ".")
 ends = [predicted.min(), predicted.max()]
 axis.plot(ends, ends, color="gray", linewidth=1)
 axis.set(
-    xlabel="standard deviation said, px",
-    ylabel="error, px rms over the draws",
+    xlabel="predicted standard deviation, px",
+    ylabel="RMS error over the realisations, px",
     aspect="equal",
 )
 
 ratio = np.sqrt(np.mean(measured**2) / np.mean(predicted**2))
-print(f"errors are {ratio:.2f} times what the cameras say of themselves")
+print(f"errors are {ratio:.2f} times the predicted standard deviations")
 assert 0.5 < ratio < 2.0
 
 # %%
-# Noise is one number, in px of the image. It went in as 0.1:
+# The noise is one number, in px of the image. Its true value is 0.1:
 
 noise = np.array([c.camera.noise_px for c in calibrations])
-print(f"noise found: {noise.mean():.3f} ± {noise.std():.3f} px")
+print(f"estimated noise: {noise.mean():.3f} ± {noise.std():.3f} px")
 assert abs(noise.mean() - NOISE) < 0.01

@@ -2,9 +2,9 @@
 A fisheye behind a windscreen
 =============================
 
-A windscreen bends rays by a few px, differently everywhere. Lens formulas have no words
-for that; a process learns it from the corners. The same corners go into OpenCV's
-fisheye model and into ours.
+A windscreen deflects rays by a few px, differently everywhere. No lens formula
+describes that; a process learns it from the corners. The same corners are used for
+OpenCV's fisheye model and for ours.
 """
 
 import cv2
@@ -40,12 +40,12 @@ boards = [BoardPoints(view.lattice(board), view.uv) for view in views]
 opencv = fit_opencv("fisheye", boards, lens.size)
 
 # %%
-# Where is it wrong?
-# ------------------
+# Where are the errors?
+# ---------------------
 #
-# Each camera says where a pixel looks. After the rotation that brings these directions
-# as close to the true ones as can be, the true lens shows them at other pixels: by so
-# much the camera is wrong.
+# Each camera gives a direction for each pixel. Rotate these directions to fit the true
+# ones as closely as possible, and project them with the true lens: the distance from
+# the original pixel is the camera's error.
 
 u, v = np.meshgrid(np.linspace(0, 639, 48), np.linspace(0, 479, 36))
 pixels = np.column_stack([u.ravel(), v.ravel()])
@@ -77,5 +77,5 @@ figure.colorbar(drawn, ax=axes, label="error, px", extend="both")
 
 inside = calibration.camera.inside(pixels)
 rms = {name: np.sqrt(np.mean(error[inside] ** 2)) for name, error in named.items()}
-print(*(f"{name}: {error:.3f} px rms" for name, error in rms.items()), sep="\n")
+print(*(f"{name}: {error:.3f} px RMS" for name, error in rms.items()), sep="\n")
 assert rms["pinholify"] < rms["OpenCV's fisheye model"] / 10

@@ -2,9 +2,10 @@
 Cameras without a centre
 ========================
 
-Behind a flat pane of water a camera has no optical centre: rays bend at the pane, and
-those of different pixels no longer meet in one point. No pinhole camera shows such a
-scene exactly. This is how far off it is, by the camera's distance from the pane.
+Behind a flat pane under water a camera has no optical centre: rays are refracted at the
+pane, and those of different pixels no longer meet in one point. No pinhole camera
+reproduces its images exactly. This example shows the error as a function of the
+camera's distance from the pane.
 """
 
 import matplotlib.pyplot as plt
@@ -15,11 +16,11 @@ from pinholify.simulation.lenses import Pinhole, WaterPane
 from pinholify.simulation.views import board_poses, true_corners
 
 board = pinholify.Checkerboard(9, 6)
-NOISE = 0.1  # px, each of both axes
+NOISE = 0.1  # px per axis
 
 
 def heldout_error(lens):
-    """The error on boards that the camera has not seen, px a point."""
+    """The error on boards that were not used in the calibration, px per point."""
     rng = np.random.default_rng(0)
     views = []
     for i, pose in enumerate(board_poses((lens,), board, 16, seed=4)):
@@ -40,11 +41,13 @@ in_air = heldout_error(camera)
 figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
 axis.plot(distances, errors, "o-", label="behind water")
 axis.axhline(in_air, color="gray", label="in air")
-axis.set(xlabel="distance from the pane, squares", ylabel="held-out error, px a point")
+axis.set(
+    xlabel="distance from the pane, squares", ylabel="held-out error, px per point"
+)
 axis.legend()
 
 for distance, error in zip(distances, errors, strict=True):
     print(f"pane {distance:4.2f} squares away: {error:.3f} px")
 print(f"in air: {in_air:.3f} px")
-assert in_air < 1.7 * NOISE  # √2 is the noise itself
+assert in_air < 1.7 * NOISE  # the noise alone gives √2
 assert errors == sorted(errors)

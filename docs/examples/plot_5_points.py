@@ -3,8 +3,8 @@ Points, without images
 ======================
 
 Programs that work on points need no straightened image. The functions of
-:mod:`pinholify.points` have the names, argument order and shapes of OpenCV's; a camera
-stands where OpenCV has a matrix and distortion coefficients.
+:mod:`pinholify.points` have the argument order and shapes of OpenCV's; a camera
+replaces the matrix and the distortion coefficients.
 """
 
 import matplotlib.pyplot as plt
@@ -35,7 +35,7 @@ calibration = pinholify.calibrate(train, reference="view-0", trend="angle:2")
 camera = calibration.camera
 
 # %%
-# Pixels become ideal points, in px of any pinhole view, and come back.
+# Convert pixels to ideal points, in px of any pinhole view, and back.
 
 view = pinholify.named_view(camera, "camera", None, None)
 ideal = undistort_points(views[8].uv, camera, R=view.rotation, P=view.matrix)
@@ -51,7 +51,7 @@ for axis, points, title in zip(
     axis.set(title=title, xlim=(0, 639), ylim=(479, 0), aspect="equal")
 
 # %%
-# A table for millions of points, right to a thousandth of a px of the image:
+# A table for millions of points, accurate to a thousandth of a px of the image:
 
 many = rng.uniform((0, 0), (639, 479), (50_000, 2))
 many = many[camera.inside(many)]
@@ -64,16 +64,16 @@ print(f"largest difference between table and formula: {difference:.4f} px of the
 assert difference < 0.05
 
 # %%
-# A pose: where the ninth board, which the calibration has not seen, stands.
+# The pose of the ninth board, which was not used in the calibration.
 
 points = calibration.board_points[views[8].ids]
 _, rvec, tvec = solve_pnp(points, views[8].uv, camera)
 again, _ = project_points(points, rvec, tvec, camera)
 rms = np.sqrt(np.mean((again - views[8].uv) ** 2))
-print(f"{rms:.3f} px rms an axis; the corners' noise is 0.05")
+print(f"{rms:.3f} px RMS per axis; the noise of the corners is 0.05 px")
 
-# Both in the frame of the first board: the true pose there, and the one found.
+# Both in the frame of the first board: the true position, and the estimated one.
 true = poses[0].rotation.T @ poses[8].translation
 found = tvec.ravel()
-print(f"the board's corner 0 stands at {found.round(3)}; in truth at {true.round(3)}")
+print(f"corner 0 of the board is at {found.round(3)}; the truth is {true.round(3)}")
 assert np.linalg.norm(found - true) < 0.02 * np.linalg.norm(true)

@@ -1,4 +1,4 @@
-"""The directive ``public-names``: what ``import pinholify`` gives, each with its first sentence and where it lives."""
+"""The directive ``public-names``: the names in ``pinholify``, each with its first sentence and a link to its module."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pinholify
 
 
 class PublicNames(SphinxDirective):
-    """A definition list of ``pinholify.__all__``, each a target for references to that short name."""
+    """A definition list of ``pinholify.__all__``; each entry is a target for references to the short name."""
 
     def run(self) -> list[nodes.Node]:
         """The list."""

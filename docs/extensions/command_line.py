@@ -1,4 +1,4 @@
-"""The directive ``commands``: every command, its options and examples, asked of click itself at build time."""
+"""The directive ``commands``: every command with its options and examples, taken from click at build time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sphinx.util.docutils import SphinxDirective
 from pinholify.cli import cli
 
 WITHOUT_BREAKS = "\b"
-"""click's mark before a paragraph whose lines stay as they are."""
+"""click's mark before a paragraph that is not re-wrapped."""
 
 
 class Commands(SphinxDirective):

@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers draw by themselves: no script, no fonts to fetch, no LaTeX to install."""
+"""Formulas as MathML, which browsers render natively: without scripts, fonts to fetch or LaTeX."""
 
 from __future__ import annotations
 

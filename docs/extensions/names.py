@@ -1,4 +1,4 @@
-"""Names of ours between backticks, such as ``pinholify.points.solve_pnp``, become links that break at their dots."""
+"""Turn names in backticks, such as ``pinholify.points.solve_pnp``, into links that can wrap at their dots."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BREAK = nodes.raw("", "<wbr>", format="html")
 
 
 def _link(app: Sphinx, document: nodes.document) -> None:
-    """Make such literals of a page references, which the build warns of where there is no such name."""
+    """Turn such literals of a page into references; the build warns if there is no such name."""
     for literal in list(document.findall(nodes.literal)):
         name = literal.astext()
         if NAME.fullmatch(name) and not isinstance(literal.parent, (nodes.reference, addnodes.pending_xref)):

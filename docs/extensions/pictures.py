@@ -56,7 +56,7 @@ def good_poses() -> tuple[Pose, ...]:
 
 
 def poor_poses() -> tuple[Pose, ...]:
-    """Boards far away, in the middle, hardly tilted: what calibrates badly."""
+    """Boards far away, in the middle and hardly tilted, which calibrate poorly."""
     rng = np.random.default_rng(0)
     turns = Rotation.from_euler("xyz", rng.normal(0.0, 3.0, (VIEWS, 3)), degrees=True).as_matrix()
     middle = np.append(lattice(BOARD).mean(axis=0), 0.0)
@@ -80,12 +80,12 @@ def sheet(images: list[Image], columns: int) -> Image:
 
 
 def good_set(path: Path) -> None:
-    """What to take."""
+    """Write the sheet of good photographs."""
     write_image(path, sheet(take(LENS, good_poses()), 4))
 
 
 def poor_set(path: Path) -> None:
-    """What not to take."""
+    """Write the sheet of poor photographs."""
     write_image(path, sheet(take(LENS, poor_poses()), 4))
 
 
@@ -99,7 +99,7 @@ def faults(path: Path) -> None:
 
 
 def calibrated(poses: tuple[Pose, ...]) -> Calibration:
-    """The camera that noisy corners of boards at ``poses`` make."""
+    """The camera calibrated from noisy corners of boards at ``poses``."""
     rng = np.random.default_rng(0)
     views = []
     for i, pose in enumerate(poses):
@@ -109,7 +109,7 @@ def calibrated(poses: tuple[Pose, ...]) -> Calibration:
 
 
 def what_is_known(path: Path) -> None:
-    """How well the image is known after the good and after the poor set: standard deviation in px."""
+    """The standard deviation over the image, in px, after the good and after the poor set."""
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     u, v = np.meshgrid(np.arange(0, SIZE[0], 4), np.arange(0, SIZE[1], 4))
@@ -127,7 +127,7 @@ def what_is_known(path: Path) -> None:
 
 
 def strange(name: str) -> Callable[[Path], None]:
-    """A board as the lens called ``name`` shows it."""
+    """A function that writes photographs of a board through the lens ``name``."""
 
     def draw(path: Path) -> None:
         lens = STRANGE[name]
@@ -137,7 +137,7 @@ def strange(name: str) -> Callable[[Path], None]:
 
 
 def printed(name: str) -> Callable[[Path], None]:
-    """The sheet of the board called ``name``, small."""
+    """A function that writes the printed sheet of the board ``name``."""
 
     def draw(path: Path) -> None:
         spec, square = BOARDS[name]
@@ -157,7 +157,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
 
 
 def _draw(app: Sphinx) -> None:
-    """Draw what is not there yet, or older than this file."""
+    """Draw pictures that are missing or older than this file."""
     folder = Path(app.srcdir) / "generated"
     folder.mkdir(exist_ok=True)
     written = Path(__file__).stat().st_mtime

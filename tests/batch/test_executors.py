@@ -83,7 +83,7 @@ def test_a_job_that_kills_its_process_is_found_out(tmp_path):
     outcomes = {outcome.job: outcome.failure for outcome in EXECUTORS["processes"](Chores(), jobs, "2")}
     assert len(outcomes) == len(jobs)
     assert [job.source for job, failure in outcomes.items() if failure] == ["deadly"]
-    assert "died, twice" in outcomes[jobs[2]]
+    assert "died twice" in outcomes[jobs[2]]
 
 
 def test_processes_that_cannot_start(tmp_path, monkeypatch):

@@ -259,4 +259,4 @@ def test_command(straightener, tmp_path, capsys):
     straighten_one_video(odd, ["in.mp4"], "out.mp4", **{**words, "force": True, "as_json": True})
     captured = capsys.readouterr()
     assert '"pixel_format": "yuv444p"' in captured.out
-    assert captured.err == "the pixel format is yuv444p: libx264 cannot hold yuv420p here\n"
+    assert captured.err == "the pixel format is yuv444p: libx264 does not support yuv420p here\n"

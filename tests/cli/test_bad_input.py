@@ -131,7 +131,7 @@ def test_an_evaluation_without_a_solution_costs_no_camera(run, refused, table, m
 
     monkeypatch.setattr(f"pinholify.{step}", unsolvable)
     sentence = refused("calibrate", "--corners", table, *FROM_TABLE)
-    assert sentence.startswith("wrote camera.npz, but not how good it is: ")
+    assert sentence.startswith("wrote camera.npz, but could not evaluate it: ")
     assert "'pinholify evaluate camera.npz'" in sentence
     sentence = refused("evaluate", "camera.npz", "--corners", table, "--no-opencv")
     assert "equations without a solution" in sentence
@@ -401,9 +401,9 @@ def test_straightened_images_are_replaced_only_by_force(refused, run, camera, ph
 
 def test_folder_that_cannot_be_made(refused, camera, photographs):
     Path("file").write_text("mine\n")
-    assert "the folder 'file' cannot be made" in refused("undistort", camera, photographs, "-o", "file")
-    assert "cannot be made" in refused("demo", "-o", "file/out")
-    assert "cannot be made" in refused("simulate", "webcam", "-o", "file", "--views", "1")
+    assert "the folder 'file' cannot be created" in refused("undistort", camera, photographs, "-o", "file")
+    assert "cannot be created" in refused("demo", "-o", "file/out")
+    assert "cannot be created" in refused("simulate", "webcam", "-o", "file", "--views", "1")
 
 
 def test_demo_leaves_folders_with_other_things_alone(refused):
@@ -473,13 +473,13 @@ USAGE = {
     ),
     "unknown method": (["calibrate", "a.png", "--board", "9x6", "--method", "m"], "is not one of"),
     "no square": (["board", "9x6"], "Missing option '--square'"),
-    "square of nothing": (["board", "9x6", "--square", "0mm"], "'0mm' is no length; write"),
-    "size of letters": (["undistort", "c.npz", "a.png", "-o", "d", "--size", "big"], "'big' is no size; write"),
+    "square of nothing": (["board", "9x6", "--square", "0mm"], "invalid length '0mm': write"),
+    "size of letters": (["undistort", "c.npz", "a.png", "-o", "d", "--size", "big"], "invalid size 'big': write"),
     "negative limit": (["undistort", "c.npz", "a.png", "-o", "d", "--max-std", "-1"], "--max-std"),
     "no images to straighten": (["undistort", "c.npz", "-o", "d"], "Missing argument"),
     "no target": (["map", "c.npz", "-"], "Missing option '--to'"),
     "unknown target": (["map", "c.npz", "-", "--to", "space"], "is not one of"),
-    "unknown data set": (["simulate", "moon", "-o", "d"], "'moon' is no data set; there are: all"),
+    "unknown data set": (["simulate", "moon", "-o", "d"], "unknown data set 'moon': choose one of all"),
 }
 
 

@@ -209,7 +209,7 @@ def test_many_boards_that_do_not_count_are_summed_up(run, poses):
     result = run("calibrate", "--corners", "c.vnl", *FROM_TABLE)
     aside = [line for line in result.out.splitlines() if "not count" in line]
     assert len(aside) == 9
-    assert aside[-1] == "  5 more do not count; --json tells why for each"
+    assert aside[-1] == "  5 more do not count; --json gives the reason for each"
 
 
 def test_a_camera_on_new_photographs_has_no_in_sample_error(run, camera, poses):
@@ -249,7 +249,7 @@ def test_map_keeps_rows(run, camera, monkeypatch, target, header):
     monkeypatch.setattr(sys, "stdin", io.StringIO("u,v\n100.5,80.25\n"))
     alone = points(run("map", camera, "-", "--to", target).out)[1]
     assert rows[1] == pytest.approx(alone[0], abs=1e-9)
-    assert "of 5 points have no answer (nan)" in result.err
+    assert "of 5 points have no result (nan)" in result.err
 
 
 def test_map_there_and_back(run, camera):
@@ -277,7 +277,7 @@ def test_map_a_ray_that_no_pixel_sees(run, camera, monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.StringIO("x,y,z\n0,0,1\n0,0,-1\n"))
     result = run("map", camera, "-", "--to", "image")
     assert np.isnan(points(result.out)[1][1]).all()
-    assert result.err == "1 of 2 points have no answer (nan)\n"
+    assert result.err == "1 of 2 points have no result (nan)\n"
 
 
 def test_map_of_no_points(run, camera, monkeypatch):
@@ -346,8 +346,8 @@ def test_undistort_makes_no_folder_that_is_called_like_a_file(run, camera, photo
     result = run("undistort", camera, photographs / "small-01.png", "-o", name)
     assert result.status == 1
     assert result.err == (
-        f"pinholify: '{name}' is called like a file and pictures go into a folder, under their own names; "
-        "give a folder\n"
+        f"pinholify: '{name}' looks like a file name, but pictures keep their own names: "
+        "give a folder to write them into\n"
     )
     assert not Path(name).exists()
 
@@ -389,7 +389,7 @@ def test_undistort_goes_on_where_it_was_stopped(run, camera, photographs):
     assert (again.status, again.out) == (1, "")
     assert "use --resume to do only the rest" in again.err
     result = run("undistort", camera, photographs, "-o", "out", "--resume")
-    assert (result.status, result.out) == (0, "wrote 1 image into out; 6 were there already\n")
+    assert (result.status, result.out) == (0, "wrote 1 image into out; 6 were already there\n")
     assert {path: path.stat().st_mtime_ns for path in made if path != gone} == {
         path: time for path, time in made.items() if path != gone
     }

@@ -86,7 +86,7 @@ def test_a_camera_of_another_size_is_refused(run, camera):
 def test_reflections_are_not_of_a_camera_that_looks_into_no_mirror(run, camera, photographs):
     result = run("detect", photographs / "small-00.png", "--board", "9x6", "--camera", camera, "--mirrored")
     assert result.status == 2
-    assert "looks into no mirror and --mirrored says that these images are reflections" in " ".join(result.err.split())
+    assert "is not mirrored, but --mirrored declares the images to be reflections" in " ".join(result.err.split())
 
 
 @pytest.mark.slow

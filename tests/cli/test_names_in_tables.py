@@ -11,7 +11,7 @@ def test_a_blank_in_a_name_is_refused_at_once(run, refused, photographs, tmp_pat
     monkeypatch.setattr("pinholify.cli.detect_command.detect_with_progress", None)  # not come to
     for output in ("-", "out.vnl"):
         sentence = refused("detect", "c.png", "a b.png", "--board", "9x6", "-o", output)
-        assert "'a b.png' cannot stand in a corner table" in sentence
+        assert "'a b.png' is not allowed in a corner table" in sentence
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
     found = json.loads(run("detect", "a b.png", "--board", "9x6", "--json").out)

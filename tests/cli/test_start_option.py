@@ -84,7 +84,7 @@ def test_the_start_is_not_replaced(refused, table, camera):
 def test_the_papers_method_takes_no_start(run, table, camera, words):
     result = run("calibrate", "--corners", table, *JOINT, *words, "--start", camera, "-o", "led.npz")
     assert result.status == 2
-    assert "leave it out, or choose --method joint" in result.err
+    assert "omit it, or choose --method joint" in result.err
 
 
 def test_what_does_not_explain_the_corners_is_left_aside_and_named(run, table, theirs, monkeypatch):
@@ -97,5 +97,5 @@ def test_what_does_not_explain_the_corners_is_left_aside_and_named(run, table, t
     result = run("calibrate", "--corners", table, *JOINT, "--start", start, "-o", "led.npz")
     assert result.status == 0
     assert result.err == (
-        f"'{start}' was left aside as a start, it does not explain the corners: is it this camera, in this mode?\n"
+        f"'{start}' was not used as a start because it does not explain the corners: is it this camera and mode?\n"
     )

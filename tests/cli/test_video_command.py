@@ -29,7 +29,7 @@ def test_a_video_is_straightened_from_file_to_file(run, camera, clip):
     data = json.loads(result.out)
     assert data["written"] == ["out.mp4"]
     assert (data["frames"], data["encoder"], data["pixel_format"]) == (24, "libx264", "yuv444p")
-    assert result.err == "the pixel format is yuv444p: libx264 cannot hold yuv420p here\n"
+    assert result.err == "the pixel format is yuv444p: libx264 does not support yuv420p here\n"
     assert (decoded("out.mp4")[0].width, decoded("out.mp4")[0].height) == (321, 241)
 
 
@@ -75,7 +75,8 @@ def test_ctrl_c_leaves_whole_parts_and_no_video(run, camera, clip, monkeypatch):
     monkeypatch.setattr(segments.SegmentFolder, "add", interrupted)
     result = run("undistort", camera, clip, "-o", "out.mp4")
     assert result.status == 130
-    assert result.err.startswith("stopped; the same command goes on with what is done so far, kept in out.mp4.parts-")
+    start = "stopped; run the same command to continue: what is done so far is kept in out.mp4.parts-"
+    assert result.err.startswith(start)
     (parts,) = Path().glob("out.mp4.*")
     assert sorted(p.name for p in parts.iterdir()) == ["000000.npz", "000001.npz"]
     assert run("undistort", camera, clip, "-o", "out.mp4").out == "wrote out.mp4: 24 frames\n"
@@ -89,7 +90,7 @@ def test_ctrl_c_leaves_whole_parts_and_no_video(run, camera, clip, monkeypatch):
     [
         (["in.mp4", "-o", "out.mp4", "--workers", "2"], "--workers and --scheduler are for images"),
         (["in.mp4", "-o", "out.mp4", "--scheduler", "tcp://127.0.0.1:9"], "--workers and --scheduler are for images"),
-        (["in.png", "-o", "out", "--quality", "20"], "--codec and --quality are for a video"),
+        (["in.png", "-o", "out", "--quality", "20"], "--codec and --quality are for videos"),
         (["in.png", "-o", "out", "--workers", "2", "--scheduler", "a"], "give either --workers or --scheduler"),
     ],
 )

@@ -88,5 +88,5 @@ def test_a_picture_that_ends_its_process_is_reported_and_the_others_are_done(fol
     corners = detect_files([folder / name for name in names], BOARD, workers=2)
     assert [view.name for view in corners.views] == names
     assert [len(view) for view in corners.views] == [48, 0, 48, 0]
-    assert "died, twice" in corners.views[1].reason
+    assert "died twice" in corners.views[1].reason
     assert "cannot be read" in corners.views[3].reason

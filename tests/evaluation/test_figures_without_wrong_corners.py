@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pinholify.cli.report import to_json
+from pinholify.cli.evaluation_output import to_json
 from pinholify.corners import Corners, CornerSet
 from pinholify.evaluation.summary import evaluate
 from pinholify.evaluation.verdict import judge, noise_floor, residuals_of

@@ -125,7 +125,7 @@ def test_a_board_is_laid_out_inside_the_page_or_refused(board, square, page):
     try:
         sheet = lay_out(board, square_mm=square, page=page)
     except BoardError as error:
-        largest = float(re.search(r"that does has squares of ([\d.]+) mm", str(error))[1])
+        largest = float(re.search(r"that fits has squares of ([\d.]+) mm", str(error))[1])
         assert largest < square
         with pytest.raises(BoardError):
             lay_out(board, square_mm=largest + 0.11, page=page)
@@ -169,8 +169,8 @@ def test_a_pdf_asks_the_viewer_not_to_scale(tmp_path):
         ({"square_mm": 25}, BoardError, "covers 400 x 250 mm and .* on A4; the largest .* squares of 17.9 mm"),
         ({"square_mm": 0}, BoardError, "a square of 0 mm"),
         ({"square_mm": float("nan")}, BoardError, "a square of nan mm"),
-        ({"square_mm": 10, "page": "A9"}, InputError, "'A9' is no page; name one of A0, .*Letter"),
-        ({"square_mm": 10, "page": "600x400"}, InputError, "'600x400' is no page"),
+        ({"square_mm": 10, "page": "A9"}, InputError, "unknown page 'A9': choose one of A0, .*Letter"),
+        ({"square_mm": 10, "page": "600x400"}, InputError, "unknown page '600x400'"),
         ({"square_mm": 10, "page": "10x10mm"}, InputError, "between 30 and 5000 mm"),
     ],
 )

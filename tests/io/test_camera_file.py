@@ -252,7 +252,7 @@ def test_newer_version_is_refused(tmp_path, written, version):
 def test_other_format_is_refused(tmp_path, written):
     path = tmp_path / "c.npz"
     path.write_bytes(changed(written[0], lambda header, arrays: header.update(format="something")))
-    with pytest.raises(CameraFileError, match="is no pinholify camera"):
+    with pytest.raises(CameraFileError, match="is not a pinholify camera"):
         read_camera(path)
     assert not is_camera_file(path)
 

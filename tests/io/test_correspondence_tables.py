@@ -52,8 +52,8 @@ def test_nodes_may_stand_in_any_order():
         (HEADER + "a,7.5,7.5,1,x,1\n", "line 2: a name"),
         (HEADER + "a,7.5,7.5,1,nan,1\n", "line 2: a name"),
         (HEADER + "a,7.5,7.5,1,2,0\n", "line 2: a name"),
-        (HEADER + "a,8,7.5,1,2,1\n", r"line 2: \(8, 7.5\) is no node of gray:160x96:16"),
-        (HEADER + "a,7.5,7.5,1,2,1\na,1007.5,7.5,1,2,1\n", "line 3: .* is no node"),
+        (HEADER + "a,8,7.5,1,2,1\n", r"line 2: \(8, 7.5\) is not a node of gray:160x96:16"),
+        (HEADER + "a,7.5,7.5,1,2,1\na,1007.5,7.5,1,2,1\n", "line 3: .* is not a node"),
         (HEADER + "a,7.5,7.5,1,2,1\na,7.5,7.5,1,2,1\n", "line 3: 'a' has this node twice"),
     ],
 )
@@ -64,5 +64,5 @@ def test_what_is_wrong_is_said(text, sentence):
 
 def test_another_board_is_refused(tmp_path):
     (tmp_path / "c.csv").write_text(HEADER + "a,7.5,7.5,1,2,1\n")
-    with pytest.raises(CornerTableError, match="holds places on a screen, but the board is 9x6"):
+    with pytest.raises(CornerTableError, match="holds positions on a screen, but the board is 9x6"):
         read_corners(tmp_path / "c.csv", board=Checkerboard(9, 6), image_size=SIZE)

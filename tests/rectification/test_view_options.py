@@ -36,7 +36,7 @@ def test_turns_are_read(text, degrees):
 
 @pytest.mark.parametrize("text", ["", "left", "1;2", "1,2,3,4", "nan", "1,,2", "1e3"])
 def test_what_is_no_turn_is_refused(text):
-    with pytest.raises(click.BadParameter, match=r"write degrees YAW\[,PITCH\[,ROLL\]\]"):
+    with pytest.raises(click.BadParameter, match=r"write YAW\[,PITCH\[,ROLL\]\] in degrees"):
         turn(text)
 
 
@@ -96,7 +96,8 @@ def test_any_other_view_of_nothing_is_refused(files, tmp_path, options):
 def test_what_a_fitted_view_leaves_out_is_said(files, tmp_path):
     for options in ((), ("--keep", "valid"), ("--fov", "40")):
         assert said(files, tmp_path, *options) == ""
-    turned = re.fullmatch(r"note: (.*)% of what is known of the photograph .*\n", said(files, tmp_path, "--turn", "50"))
+    note = said(files, tmp_path, "--turn", "50")
+    turned = re.fullmatch(r"note: (.*)% of the known part of the photograph .*\n", note)
     camera = read_camera(files / "camera.npz").camera
     view = views.named_view(camera, "camera", None, None, turn=(50.0, 0.0, 0.0))
     shown = np.zeros((SIZE[1], SIZE[0]), bool)

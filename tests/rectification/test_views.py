@@ -317,5 +317,5 @@ def test_a_view_turned_from_all_that_is_seen_is_black(fisheye):
 
 def test_only_flat_views_are_exported_as_pinhole_cameras(fisheye):
     assert pinhole_export(fisheye, "cube-right", size=(60, 60)).intrinsics == pytest.approx((30.0, 30.0, 29.5, 29.5))
-    with pytest.raises(InputError, match="'cylindrical' is no pinhole camera"):
+    with pytest.raises(InputError, match="'cylindrical' is not a pinhole camera"):
         pinhole_export(fisheye, "cylindrical")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pinholify.cli.report import print_evaluation
+from pinholify.cli.evaluation_output import print_evaluation
 from pinholify.evaluation.summary import evaluate
 from pinholify.evaluation.verdict import judge
 from pinholify.geometry import ConvexRegion, convex_hull

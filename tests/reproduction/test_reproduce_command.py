@@ -41,7 +41,7 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     code, _, err = status(capsys, "-o", tmp_path / "file" / "below")
     assert code == 1
-    assert "cannot be made" in err
+    assert "cannot be created" in err
 
 
 def test_help_loads_no_figures(capsys, monkeypatch):

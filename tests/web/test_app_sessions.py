@@ -101,7 +101,7 @@ def test_an_opened_report_has_no_origin_and_loads_nothing(client: httpx.Client, 
 def test_an_unknown_export_is_a_sentence(client: httpx.Client, calibrated: str):
     refused = client.get(f"/api/sessions/{calibrated}/export/..%2f..")
     assert refused.status_code == 404
-    assert "formats are" in client.get(f"/api/sessions/{calibrated}/export/nothing").json()["error"]
+    assert "unknown export format" in client.get(f"/api/sessions/{calibrated}/export/nothing").json()["error"]
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The command line. Each command is a module, loaded only when it is called, so that ``--help`` answers at once."""
+"""The command line. Each command is a module, imported only when it is called, so that ``--help`` is fast."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from pinholify.errors import PinholifyError
 from pinholify.io.memory import keep_freed_memory
 from pinholify.io.threads import one_blas_thread
 
-INTERRUPTED = 130  # as shells count a process that Ctrl-C ended
+INTERRUPTED = 130  # the status that shells report for a process ended by Ctrl-C
 
 COMMANDS = {
     "detect": "Find the corners of a board in photographs.",
-    "calibrate": "Make a perfect pinhole camera from photographs of a board.",
+    "calibrate": "Calibrate a camera as a perfect pinhole camera, from photographs of a board.",
     "map": "Map points between pixels, the virtual plane and rays.",
     "undistort": "Straighten photographs.",
-    "export": "Write an ideal pinhole view as other programs' calibration files.",
-    "import": "Make a camera of ours from another program's calibration file.",
-    "mode": "Make the camera of another mode of the sensor: cropped, binned, scaled.",
+    "export": "Write an ideal pinhole view as another program's calibration file.",
+    "import": "Convert another program's calibration file to a camera file.",
+    "mode": "Convert a camera to another mode of its sensor: cropped, binned or scaled.",
     "evaluate": "Score a camera on photographs of a board.",
-    "report": "Tell how good a camera is, on one page with everything in it.",
-    "compare": "How far two cameras differ, in px over the image.",
-    "board": "Print a board, true to scale.",
-    "serve": "Calibrate in your browser, with photographs or a live camera.",
+    "report": "Write a self-contained report on how good a camera is.",
+    "compare": "Measure how far two cameras differ, in px over the image.",
+    "board": "Draw a board to print, true to scale.",
+    "serve": "Calibrate in your browser, from photographs or a live camera.",
     "gray-code": "Make Gray codes for a screen, and decode photographs of them.",
-    "simulate": "Render the paper's six data sets, with truth.",
-    "reproduce": "Make the paper's tables and figures anew, beside its own numbers.",
-    "demo": "See it work: render a warped scene, calibrate it, straighten it.",
+    "simulate": "Render the paper's six data sets, with ground truth.",
+    "reproduce": "Reproduce the paper's tables and figures, next to its own numbers.",
+    "demo": "See it work: render a warped scene, calibrate the camera, straighten the scene.",
 }
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are imported when they are called."""
+    """A click group that imports a command only when it is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All commands, in the order of a day's work."""
+        """The names of all commands, in the order in which they are typically used."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of that name."""
+        """Import and return the command ``cmd_name``; None if there is no such command."""
         if cmd_name not in COMMANDS:
             return None
         module = importlib.import_module(f"pinholify.cli.{cmd_name.replace('-', '_')}_command")
@@ -52,7 +52,7 @@ class LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list of commands, without loading any."""
+        """Write the list of commands without importing any."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
@@ -71,7 +71,7 @@ def cli() -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line and return its exit status: 0 done, 1 refused, 2 wrong usage, 130 interrupted."""
+    """Run the command line and return the exit status: 0 done, 1 refused, 2 wrong usage, 130 interrupted."""
     one_blas_thread()
     keep_freed_memory()
     _accept_any_character()
@@ -85,19 +85,19 @@ def main(arguments: list[str] | None = None) -> int:
     except (click.Abort, KeyboardInterrupt):
         click.echo("pinholify: interrupted", err=True)
         return INTERRUPTED
-    except (BrokenPipeError, SystemExit):  # the reader has seen enough; click notices first and leaves this way
+    except (BrokenPipeError, SystemExit):  # the reader closed the pipe; click may notice first and exit
         _discard_output()
         return 0
     except PinholifyError as error:
         return _refuse(str(error))
     except MemoryError:
-        return _refuse("there is not enough memory for images of this size; give smaller ones")
+        return _refuse("not enough memory for images of this size; use smaller ones")
     except OSError as error:
         return _refuse(_sentence(error))
 
 
 def _accept_any_character() -> None:
-    """Write what a stream's encoding lacks as an escape, so that no sign in a name or number ends the work."""
+    """Escape characters that a stream's encoding lacks, so that no file name or sign can end a run with an error."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -109,7 +109,7 @@ def _refuse(sentence: str) -> int:
 
 
 def _sentence(error: OSError) -> str:
-    """What to say of an error no reader or writer of files has put into words: a stream's, or a folder's."""
+    """The sentence for an OSError that no reader or writer of files has handled: of a stream, or of a folder."""
     if error.filename is not None:
         return f"'{error.filename}' cannot be used: {error.strerror}; check the path and its permissions"
     from pinholify.io.files import cannot_write
@@ -119,5 +119,5 @@ def _sentence(error: OSError) -> str:
 
 
 def _discard_output() -> None:
-    """Send what is still to be written to standard output nowhere, or Python would fail on it once more at its end."""
+    """Point standard output at the null device, or Python's final flush would raise the same error again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

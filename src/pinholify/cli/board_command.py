@@ -1,4 +1,4 @@
-"""``pinholify board``."""
+"""The command ``pinholify board``."""
 
 from __future__ import annotations
 
@@ -31,24 +31,25 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     required=True,
     help="Side of a square or tag, or spacing of circles, e.g. 25mm.",
 )
-@click.option("--page", default="A4", show_default=True, help="A0 to A5, Letter, Legal, Tabloid, or WxHmm.")
+@click.option("--page", default="A4", show_default=True, help="Paper: A0 to A5, Letter, Legal, Tabloid, or WxHmm.")
 @click.option(
     "-o",
     "output",
     type=click.Path(path_type=Path),
     default="board.pdf",
     show_default=True,
-    help="File to write; .pdf, .svg or .png.",
+    help="File to write: .pdf, .svg or .png.",
 )
 @overwrite_option
 def command(board: Board, square_mm: float, page: str, output: Path, force: bool) -> None:
-    """Print BOARD true to scale as PDF, SVG or PNG.
+    """Draw BOARD true to scale as PDF, SVG or PNG.
 
-    A checkerboard is given as inner corners, columns x rows; a ChArUco board as squares, markers and marker side ÷
-    square side; an AprilGrid (Kalibr's) as tags, family and gap ÷ tag side; circles as columns x rows, with the rows
-    next to each other in an asymmetric grid one --square apart, and their diameter ÷ that behind it if it is not 0.5.
+    A checkerboard is given by its inner corners, columns x rows; a ChArUco board by squares, dictionary and marker side
+    ÷ square side; an AprilGrid (Kalibr's) by tags, family and gap ÷ tag side; a circle grid by columns x rows. Append
+    :DIAMETER, as a fraction of --square, if it is not 0.5. In an asymmetric grid neighbouring rows are one --square
+    apart.
 
-    Print without "fit to page" and check the ruler on the sheet.
+    Print it without "fit to page", then check the ruler on the sheet.
     """
     from pinholify.io.board_print import write_board
 

@@ -1,8 +1,8 @@
-"""``pinholify calibrate``."""
+"""The command ``pinholify calibrate``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -27,9 +27,12 @@ from pinholify.cli.sources import gather_corners, input_files, look_again_with_p
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
     from pinholify.calibration.result import Calibration
+    from pinholify.corners import CornerSet
+    from pinholify.evaluation.summary import Evaluation
+    from pinholify.evaluation.verdict import Verdict
 
 METHODS = ("auto", "joint", "one-image")
-FEWEST_BOARDS = 3  # the reference and two that stand otherwise
+FEWEST_BOARDS = 3  # the reference and two boards of other orientations
 
 
 @click.command(
@@ -46,29 +49,30 @@ FEWEST_BOARDS = 3  # the reference and two that stand otherwise
 @click.option("-o", "output", type=click.Path(path_type=Path), default="camera.npz", show_default=True,
               help="Camera file to write.")
 @click.option("--corners", "table", metavar="FILE", help="Take corners from a table (.vnl) instead of photographs.")
-@click.option("--image-size", type=options.size, metavar="WxH", help="Size of the images in px; goes with --corners.")
+@click.option("--image-size", type=options.size, metavar="WxH", help="Size of the images in px; with --corners.")
 @click.option("--square", "square_mm", type=options.length, help="Side of a square, e.g. 25mm.")
-@click.option("--reference", metavar="IMAGE", help="Image whose board fixes the frame; by default the largest board.")
+@click.option("--reference", metavar="IMAGE", help="Image whose board defines the frame; by default the largest board.")
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True,
-              help="joint: all boards make the map; one-image: the reference alone; auto: joint from four boards on.")
-@click.option("--kernel", default="se", show_default=True, help="se, ard-se, matern32, matern52 or rq.")
+              help="joint: all boards determine the map; one-image: the reference alone; auto: joint with four or more "
+              "boards.")
+@click.option("--kernel", default="se", show_default=True, help="Kernel: se, ard-se, matern32, matern52 or rq.")
 @click.option(
     "--trend",
     default="auto",
     show_default=True,
-    help="auto: by evidence. One image: constant (the paper's), homography, lens[:order], polynomial[:order]. "
+    help="auto: chosen by evidence. One image: constant (the paper's), homography, lens[:order], polynomial[:order]. "
     "Joint: plane[:order], angle[:order], polynomial[:order], plane-d, angle-d.",
 )
 @click.option("--refine-corners", is_flag=True,
-              help="Look again at the photographs once the camera is known, for finer and more corners.")
+              help="Look again at the photographs once the camera is known, for more accurate and additional corners.")
 @click.option("--mirrored", is_flag=True, help="The camera looks into a mirror: the image is a reflection.")
 @click.option("--start", type=click.Path(path_type=Path), metavar="FILE",
-              help="A camera that is roughly this one, last month's or an imported one, to begin with; for joint.")
+              help="Start the joint method from this approximate camera, e.g. last month's or an imported one.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
 @click.option("--heldout/--no-heldout", default=True, show_default=True,
               help="Calibrate again on half of the boards to score the others.")
 @click.option("--report", type=click.Path(path_type=Path), metavar="FILE",
-              help="Also write a report for people: FILE ends in .html (one page with everything in it), .md or .json.")
+              help="Also write a report; FILE ends in .html (one self-contained page), .md or .json.")
 @json_option
 @force_option
 def command(
@@ -91,50 +95,37 @@ def command(
     as_json: bool,
     force: bool,
 ) -> None:
-    """Make a perfect pinhole camera from photographs of a board (IMAGES: files, folders, videos) or a corner table.
+    """Calibrate a camera from photographs of a board (IMAGES: files, folders, videos) or from a corner table.
 
-    The reference's board fixes the frame and, with --method one-image, makes the camera by itself; the others then
-    only tell its focal length and principal point. EXIF rotation is ignored: a calibration belongs to the sensor.
+    The reference board defines the frame. With --method one-image it alone determines the map, and the other boards
+    only determine focal length and principal point. EXIF rotation is ignored: a calibration belongs to the sensor.
     """
-    from pinholify.cli.report import print_evaluation, to_json
-    from pinholify.evaluation.summary import evaluate
-    from pinholify.evaluation.verdict import judge
+    from pinholify.cli.evaluation_output import print_evaluation, to_json
     from pinholify.io.camera_file import read_camera, write_camera
     from pinholify.pipeline import calibrate
 
     method = chosen_method(method, kernel, trend)
     if refine_corners and table is not None:
-        raise click.UsageError("--refine-corners looks at photographs; a corner table has none")
+        raise click.UsageError("--refine-corners looks at photographs again; a corner table has none")
     if start is not None and method == "one-image":
-        raise click.UsageError("the one-image method needs no --start: leave it out, or choose --method joint")
+        raise click.UsageError("the one-image method does not use --start: omit it, or choose --method joint")
     files = input_files(images, table)
-    inputs = files if start is None else [*files, start]
-    check_camera_output(output, force=force, inputs=inputs)
-    if report == STANDARD_OUTPUT:
-        raise click.UsageError("--report needs the name of a file: standard output has the evaluation")
-    if report is not None:
-        check_report_output(report, (*inputs, output), force=force)
+    check_outputs(output, report, files if start is None else [*files, start], force=force)
     known = None if start is None else read_camera(start).camera
     mirrored = mirrored or (known is not None and known.mirrored)
     corner_set = gather_corners(images, table, board, image_size, mirrored, needed=FEWEST_BOARDS)
-    again = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored, start=known)
+    solve = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored, start=known)
     with solving():
-        calibration = again(corner_set, reference=reference, square_mm=square_mm)
+        calibration = solve(corner_set, reference=reference, square_mm=square_mm)
         if refine_corners:
             corner_set = look_again_with_progress(files, corner_set, calibration.camera)
-            calibration = again(corner_set, reference=calibration.reference, square_mm=square_mm)
-    again = partial(again, method=calibration.method)
+            calibration = solve(corner_set, reference=calibration.reference, square_mm=square_mm)
+    recalibrate = partial(solve, method=calibration.method) if heldout else None
     with keeping(calibration, output):
-        evaluation = evaluate(
-            calibration,
-            corner_set,
-            recalibrate=(lambda part, name: again(part, reference=name)) if heldout else None,
-            compare_opencv=opencv,
-        )
-        verdict = judge(evaluation, corner_set)
+        evaluation, verdict = scored(calibration, corner_set, recalibrate, opencv=opencv)
     write_camera(output, calibration)
     if calibration.details.get("start_fits") is False:
-        say(f"'{start}' was left aside as a start, it does not explain the corners: is it this camera, in this mode?")
+        say(f"'{start}' was not used as a start because it does not explain the corners: is it this camera and mode?")
     if as_json:
         print_json(to_json(evaluation, verdict))
     else:
@@ -144,9 +135,34 @@ def command(
         write_to(report, gathered_report(evaluation, verdict, images, output), aloud=not as_json)
 
 
+def check_outputs(camera: Path, report: Path | None, inputs: Sequence[Path], *, force: bool) -> None:
+    """Raise OutputError or UsageError if the camera file or the report must not be written."""
+    check_camera_output(camera, force=force, inputs=inputs)
+    if report == STANDARD_OUTPUT:
+        raise click.UsageError("--report needs a file name: standard output is used for the evaluation")
+    if report is not None:
+        check_report_output(report, (*inputs, camera), force=force)
+
+
+def scored(
+    calibration: Calibration, corner_set: CornerSet, recalibrate: Callable[..., Calibration] | None, *, opencv: bool
+) -> tuple[Evaluation, Verdict]:
+    """Evaluate and judge a calibration on its own corners; without ``recalibrate`` there is no held-out error."""
+    from pinholify.evaluation.summary import evaluate
+    from pinholify.evaluation.verdict import judge
+
+    evaluation = evaluate(
+        calibration,
+        corner_set,
+        recalibrate=None if recalibrate is None else lambda part, name: recalibrate(part, reference=name),
+        compare_opencv=opencv,
+    )
+    return evaluation, judge(evaluation, corner_set)
+
+
 @contextmanager
 def keeping(calibration: Calibration, output: Path) -> Iterator[None]:
-    """Where equations of an evaluation, inside the block, have no solution, writes the camera before it says so."""
+    """If the evaluation inside the block meets unsolvable equations, write the camera, then raise CalibrationError."""
     import numpy as np
 
     from pinholify.errors import CalibrationError
@@ -157,13 +173,13 @@ def keeping(calibration: Calibration, output: Path) -> Iterator[None]:
     except np.linalg.LinAlgError as error:
         write_camera(output, calibration)
         raise CalibrationError(
-            f"wrote {output}, but not how good it is: its evaluation leads to equations without a solution ({error}); "
-            f"try it on other photographs with 'pinholify evaluate {output}'"
+            f"wrote {output}, but could not evaluate it: the evaluation leads to equations without a solution "
+            f"({error}); try other photographs with 'pinholify evaluate {output}'"
         ) from None
 
 
 def chosen_method(method: str, kernel: str, trend: str) -> str:
-    """``method``, or for ``auto`` the only one that knows ``kernel`` and ``trend``; a usage error where none does."""
+    """Resolve ``auto`` if only one method supports ``kernel`` and ``trend``; UsageError if ``method`` does not."""
     reasons = {name: _unknown(name, kernel, trend) for name in METHODS if method in ("auto", name) and name != "auto"}
     able = [name for name, reason in reasons.items() if not reason]
     if not able:
@@ -172,7 +188,7 @@ def chosen_method(method: str, kernel: str, trend: str) -> str:
 
 
 def _unknown(method: str, kernel: str, trend: str) -> str:
-    """What ``method`` says where it does not know ``kernel`` or ``trend``, else nothing."""
+    """Why ``method`` does not support ``kernel`` or ``trend``; empty if it does."""
     from pinholify.errors import InputError
     from pinholify.gp.kernels import kernel_named
     from pinholify.gp.trends import trends_named

@@ -1,4 +1,4 @@
-"""``pinholify compare``."""
+"""The command ``pinholify compare``."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import click
 
 from pinholify.cli.options import check_output, examples, json_option, overwrite_option, print_json
 
-CHANGED = 2.0  # times the difference that the cameras' own uncertainty explains
+CHANGED = 2.0  # times the difference expected from the cameras' own uncertainty
 
 
 @click.command("compare", epilog=examples("pinholify compare january.npz june.npz -o difference.png"))
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
 @click.option("-o", "picture", type=click.Path(path_type=Path), help="Also draw the difference over the image (PNG).")
-@click.option("--strict", is_flag=True, help="Exit with 1 when the cameras differ by more than their uncertainty.")
+@click.option("--strict", is_flag=True, help="Exit with 1 if the cameras differ by more than their uncertainty.")
 @json_option
 @overwrite_option
 def command(first: Path, second: Path, picture: Path | None, strict: bool, as_json: bool, force: bool) -> None:
-    """How far two cameras' rays are apart over the image, in px, after the best rotation.
+    """Measure how far the rays of two cameras differ over the image, in px, after the best rotation.
 
-    Did a camera change since last month? Do two sets of photographs agree? The difference that their own uncertainty
-    predicts stands beside it.
+    Has a camera changed since last month? Do two sets of photographs agree? The difference is printed together with the
+    one expected from the cameras' own uncertainty.
     """
     from pinholify.errors import CalibrationError
     from pinholify.io.camera_file import read_camera
@@ -51,9 +51,9 @@ def command(first: Path, second: Path, picture: Path | None, strict: bool, as_js
         )
     else:
         click.echo(
-            f"difference {result.rms():.4f} px rms inside both cameras' domains ({result.rms(everywhere=True):.4f} px "
+            f"difference {result.rms():.4f} px RMS inside both cameras' domains ({result.rms(everywhere=True):.4f} px "
             f"over the whole image); their own uncertainty explains {result.expected_rms:.4f} px"
         )
-        click.echo("the cameras agree" if same else f"the cameras differ: {ratio:.1f} times what chance explains")
+        click.echo("the cameras agree" if same else f"the cameras differ: {ratio:.1f} times the expected difference")
     if strict and not same:
         raise CalibrationError(f"the cameras differ by {ratio:.1f} times what their uncertainty explains")

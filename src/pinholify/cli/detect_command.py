@@ -1,4 +1,4 @@
-"""``pinholify detect``."""
+"""The command ``pinholify detect``."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
 @board_option
 @click.option("-o", "output", type=click.Path(), default="-", show_default=True, help="Corner table to write.")
 @click.option("--camera", type=click.Path(path_type=Path), metavar="FILE",
-              help="The camera that took the images: look again where it expects corners that were missed.")
+              help="The camera that took the images: look again for missed corners where it expects them.")
 @click.option("--mirrored", is_flag=True, help="The image is a reflection: number the corners left-handed.")
-@click.option("--workers", type=click.IntRange(1), help="Processes to use; all cores by default.")
+@click.option("--workers", type=click.IntRange(1), help="Number of processes; by default one per core.")
 @json_option
 @force_option
 def command(
@@ -54,8 +54,8 @@ def command(
 ) -> None:
     """Find the inner corners of a board in IMAGES (files, folders, videos) and write them as a corner table.
 
-    EXIF rotation is ignored: a calibration belongs to the sensor. Names with blanks cannot stand in a corner table:
-    rename such files first, or use --json. With --json and -o - the table is not printed.
+    EXIF rotation is ignored: a calibration belongs to the sensor. File names with blanks are not
+    allowed in a corner table: rename such files, or use --json. With --json and -o - the table is not printed.
     """
     from pinholify.io.camera_file import read_camera
     from pinholify.io.corner_tables import check_name, write_corner_table
@@ -69,8 +69,8 @@ def command(
     known = None if camera is None else read_camera(camera).camera
     if known is not None and mirrored and not known.mirrored:
         raise click.UsageError(
-            f"'{camera}' is of a camera that looks into no mirror and --mirrored says that these images are "
-            "reflections: leave --mirrored out, or give the camera that took them"
+            f"the camera '{camera}' is not mirrored, but --mirrored declares the images to be reflections: omit "
+            "--mirrored, or give the camera that took the images"
         )
     mirrored = mirrored or (known is not None and known.mirrored)
     corners = detect_with_progress(files, board, mirrored, camera=known, workers=workers)

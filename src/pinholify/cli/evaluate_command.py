@@ -1,4 +1,4 @@
-"""``pinholify evaluate``."""
+"""The command ``pinholify evaluate``."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from pinholify.cli.sources import gather_corners, solving
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("images", nargs=-1, type=click.Path(path_type=Path))
 @click.option("--corners", "table", metavar="FILE", help="Take corners from a table (.vnl) instead of photographs.")
-@click.option("--folds", is_flag=True, help="Also the held-out error of five folds over boards.")
+@click.option("--folds", is_flag=True, help="Also print the held-out error over five folds of the boards.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
-@click.option("--strict", is_flag=True, help="Exit with 1 when the verdict is poor.")
+@click.option("--strict", is_flag=True, help="Exit with 1 if the verdict is poor.")
 @json_option
 def command(
     camera: Path, images: tuple[Path, ...], table: str | None, folds: bool, opencv: bool, strict: bool, as_json: bool
 ) -> None:
     """Score CAMERA on photographs of its board (IMAGES: files, folders, videos) or on a corner table.
 
-    Photographs that the camera was not made from are scored with it as it is, only their boards' poses are fitted; on
-    its own photographs half of the boards calibrate anew and the others are scored. The board, its handedness and the
-    size of the images are the camera's.
+    New photographs are scored with the camera unchanged; only the poses of their boards are fitted. On the photographs
+    that the camera was made from, half of the boards are used to calibrate again and the others are scored. The board,
+    its handedness and the image size are taken from the camera file.
     """
-    from pinholify.cli.report import print_evaluation, to_json
+    from pinholify.cli.evaluation_output import print_evaluation, to_json
     from pinholify.errors import CalibrationError, CameraFileError, ImageError
     from pinholify.evaluation.summary import evaluate
     from pinholify.evaluation.verdict import judge
@@ -39,12 +39,12 @@ def command(
     size, mirrored = calibration.camera.image_size, calibration.camera.mirrored
     board = calibration.corner_set.board
     if calibration.details.get("board_known") is False:
-        raise CameraFileError(f"'{camera}' was imported without a board to look for; import it again with --board")
+        raise CameraFileError(f"'{camera}' was imported without a board; import it again with --board")
     corners = gather_corners(images, table, board, size if table is not None else None, mirrored)
     if corners.image_size != size:
         raise ImageError(
-            f"the images are {corners.image_size[0]}x{corners.image_size[1]} and '{camera}' was calibrated at "
-            f"{size[0]}x{size[1]}: give images of that size, or calibrate at this one"
+            f"the images are {corners.image_size[0]}x{corners.image_size[1]} px, but '{camera}' was calibrated at "
+            f"{size[0]}x{size[1]}: use images of that size, or calibrate again at this one"
         )
     again = partial(
         calibrate,

@@ -1,4 +1,4 @@
-"""``pinholify export``."""
+"""The command ``pinholify export``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FORMAT_LIST = "\b\nFormats:\n" + "\n".join(f"  {name:14} {title}" for name, titl
     type=click.Choice(list(FORMATS)),
     required=True,
     metavar="NAME",
-    help="What to write; see the list below.",
+    help="Format to write; see the list below.",
 )
 @flat_view_options
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="File to write.")
@@ -38,9 +38,9 @@ def command(
 ) -> None:
     """Write an ideal pinhole view of CAMERA, or the camera itself, in the format of another program.
 
-    The view has no distortion: it is true of images that 'pinholify undistort' made with the same --view, --size,
-    --turn, --fov, --keep and --max-std. Only mrcal-splined is true of the images as they are. What the view or the
-    format leaves out is said on standard error.
+    The view has no distortion: it describes images made by 'pinholify undistort' with the same --view, --size, --turn,
+    --fov, --keep and --max-std. Only mrcal-splined describes the original images. What the view or the format leaves
+    out is reported on standard error.
     """
     from pinholify.io.camera_file import read_camera
     from pinholify.io.export import format_named

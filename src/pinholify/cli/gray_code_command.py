@@ -1,4 +1,4 @@
-"""``pinholify gray-code``: patterns for a screen, and what cameras saw of them."""
+"""The commands ``pinholify gray-code make`` and ``decode``: patterns for a screen, and corners from their captures."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     ),
 )
 def command() -> None:
-    """A screen as a calibration target: thousands of points, wherever the camera sees it.
+    """Use a screen as a calibration target: thousands of points wherever the camera sees it.
 
     Show the patterns one after the other, full screen and unscaled, and photograph each; then move the screen or the
-    camera, and again. Camera and screen must stand still within a pose; exposure and focus stay fixed.
+    camera, and repeat. Camera and screen must not move within a pose; keep exposure and focus fixed.
     """
 
 
@@ -48,20 +48,20 @@ def command() -> None:
     ),
 )
 @click.option("--screen", type=options.size, required=True, metavar="WxH", help="Size of the screen in px.")
-@click.option("--pixel", "pixel_mm", type=options.length, help="Distance of two screen pixels, e.g. 0.2745mm.")
+@click.option("--pixel", "pixel_mm", type=options.length, help="Pixel pitch of the screen, e.g. 0.2745mm.")
 @click.option(
     "--waves",
     "steps",
     type=int,
     default=8,
     show_default=True,
-    help="Steps of the waves that tell fractions of a screen pixel; 0 for Gray codes alone.",
+    help="Phase steps of the waves that resolve fractions of a screen pixel; 0 for Gray codes alone.",
 )
 @click.option("--period", type=int, default=32, show_default=True, help="Period of the waves in screen px: 8, 16, …")
 @click.option("-o", "folder", type=click.Path(path_type=Path), required=True, help="Folder to write into.")
 @overwrite_option
 def make(screen: tuple[int, int], pixel_mm: float | None, steps: int, period: int, folder: Path, force: bool) -> None:
-    """Write the pictures to show, numbered in their order, and patterns.json, which decode needs."""
+    """Write the pictures to show, numbered in order, and patterns.json, which decode needs."""
     from pinholify.detection.gray_code import Sequence, write_patterns
     from pinholify.detection.gray_code.captures import check_new_folder
 
@@ -77,13 +77,13 @@ def make(screen: tuple[int, int], pixel_mm: float | None, steps: int, period: in
     "decode", epilog=examples("pinholify gray-code decode pose1/ pose2/ pose3/ pose4/ --patterns patterns/")
 )
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--patterns", type=click.Path(path_type=Path), required=True, help="Folder that make wrote.")
+@click.option("--patterns", type=click.Path(path_type=Path), required=True, help="Folder written by make.")
 @click.option(
     "--spacing",
     type=click.IntRange(4),
     default=16,
     show_default=True,
-    help="Distance of the nodes in screen px: all pixels around a node tell where it is.",
+    help="Distance between nodes in screen px; each node is located by all the pixels around it.",
 )
 @click.option(
     "-o",
@@ -91,9 +91,9 @@ def make(screen: tuple[int, int], pixel_mm: float | None, steps: int, period: in
     type=click.Path(path_type=Path),
     default="corners.csv",
     show_default=True,
-    help="Table to write: filename,X,Y,u,v,std; or a corner table, where it ends in .vnl.",
+    help="Table to write: filename,X,Y,u,v,std; or a corner table if the name ends in .vnl.",
 )
-@click.option("--maps", type=click.Path(path_type=Path), help="Also write what every pixel sees, into this folder.")
+@click.option("--maps", type=click.Path(path_type=Path), help="Also write what each pixel sees, into this folder.")
 @json_option
 @force_option
 def decode(
@@ -105,10 +105,12 @@ def decode(
     as_json: bool,
     force: bool,
 ) -> None:
-    """Find the nodes of the screen in captures of all patterns: a folder for each pose (FOLDERS), in order of names.
+    """Locate the nodes of the screen in captures of all patterns, in one folder per pose (FOLDERS).
 
-    With --maps, NAME.npz holds x and y (height x width): the screen pixel that each pixel sees, nan where none is
-    known.
+    The captures of a pose are taken in the natural order of their file names.
+
+    With --maps, NAME.npz holds x and y (height x width): the screen coordinates that each pixel sees, nan where
+    unknown.
     """
     from pinholify.cli.detect_command import to_json
     from pinholify.detection.gray_code import decode_folders, read_manifest
@@ -129,7 +131,7 @@ def decode(
 
 
 def _readers(output: Path) -> Callable[[Path], bool]:
-    """What tells an earlier result of the same kind."""
+    """The function that recognises an earlier result of the same kind as ``output``."""
     from pinholify.cli.sources import is_corner_table
     from pinholify.io.correspondence_tables import is_correspondence_table
 
@@ -137,7 +139,7 @@ def _readers(output: Path) -> Callable[[Path], bool]:
 
 
 def _map_writer(folder: Path | None, force: bool) -> Callable[[str, ScreenMap], object]:
-    """What writes each pose's map into ``folder``, where one is given."""
+    """A callback that writes the map of each pose into ``folder``, or does nothing if that is None."""
     import numpy as np
 
     from pinholify.io.files import atomic_path, make_folder
@@ -154,7 +156,7 @@ def _map_writer(folder: Path | None, force: bool) -> Callable[[str, ScreenMap], 
 
 
 def _check_found(decoded: Decoded) -> None:
-    """Say which poses show no screen; ImageError where none does."""
+    """Report the poses that show no screen; raise ImageError if none shows one."""
     views = decoded.corners.views
     for view in views:
         if not view.found:
@@ -174,16 +176,16 @@ def _write(output: Path, decoded: Decoded) -> None:
 
 
 def _summary(output: Path, decoded: Decoded, sequence: Sequence) -> None:
-    """What was found, and the command that goes on from there."""
+    """Print what was found, and the command to run next."""
     corners = decoded.corners
     nodes, (width, height) = sum(map(len, corners.found)), corners.image_size
     click.echo(
-        f"wrote {output}: {nodes} nodes in {len(corners.found)} of {len(corners.views)} poses, typically known to "
-        f"{decoded.std_px:.2g} px"
+        f"wrote {output}: {nodes} nodes in {len(corners.found)} of {len(corners.views)} poses, typical standard "
+        f"deviation {decoded.std_px:.2g} px"
     )
     spacing = int(corners.board.spec.rpartition(":")[2])
     square = "" if sequence.pixel_mm is None else f" --square {spacing * sequence.pixel_mm:g}mm"
     click.echo(
-        f"go on with: pinholify calibrate --corners {output} --board {corners.board.spec} "
+        f"next: pinholify calibrate --corners {output} --board {corners.board.spec} "
         f"--image-size {width}x{height}{square}"
     )

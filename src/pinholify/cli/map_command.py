@@ -1,4 +1,4 @@
-"""``pinholify map``."""
+"""The command ``pinholify map``."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ COLUMNS = {
 @click.command("map", epilog=examples(r"printf 'u,v\n100,200\n' | pinholify map camera.npz --to rays -"))
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("points")
-@click.option("--to", "target", type=click.Choice(["virtual", "image", "rays"]), required=True, help="What to map to.")
+@click.option("--to", "target", type=click.Choice(list(COLUMNS)), required=True, help="What to map the points to.")
 @click.option("-o", "output", default="-", show_default=True, help="CSV to write; - is standard output.")
 @force_option
 def command(camera: Path, points: str, target: str, output: str, force: bool) -> None:
     """Map POINTS, a CSV file with a header line (- is standard input), through CAMERA.
 
-    To virtual or rays: columns u,v in px. To image: columns x,y in squares of the virtual plane, or x,y,z of rays.
-    Columns of these names may stand anywhere among others, which are left out; rows keep their order. Standard
-    deviations come with every answer; what does not exist is nan.
+    To virtual or rays: columns u,v in px. To image: columns x,y in squares of the virtual plane, or x,y,z of rays. They
+    may stand anywhere among other columns, which are ignored; rows keep their order. Every result has standard
+    deviations; a result that does not exist is nan.
     """
     import numpy as np
 
@@ -52,18 +52,18 @@ def command(camera: Path, points: str, target: str, output: str, force: bool) ->
         say(f"wrote {output}")
     missing = int(np.isnan(answer[:, :2]).any(axis=1).sum())
     if missing:
-        say(f"{missing} of {len(answer)} points have no answer (nan)")
+        say(f"{missing} of {len(answer)} points have no result (nan)")
 
 
 def say_unused(names: list[str]) -> None:
-    """Tell which columns are not in the answer; that of an earlier answer's standard deviations goes without saying."""
+    """Report input columns that were ignored, except the standard deviations of an earlier result."""
     others = [name for name in names if not name.startswith("std_")]
     if others:
-        say(f"note: left out: {', '.join(others)}; rows keep their number and order")
+        say(f"note: ignored columns: {', '.join(others)}; rows keep their number and order")
 
 
 def mapped(camera: VirtualCamera, rows: Floats, target: str) -> Floats:
-    """The rows (n, 4) that answer ``rows`` (n, 2 or 3), in the columns of ``target``."""
+    """The results (n, 4) for ``rows`` (n, 2 or 3), in the columns ``COLUMNS[target]``."""
     import numpy as np
 
     if target == "rays":
@@ -77,7 +77,7 @@ def mapped(camera: VirtualCamera, rows: Floats, target: str) -> Floats:
 
 
 def is_answer(path: Path) -> bool:
-    """Whether the file looks like an earlier answer of this command."""
+    """Whether the file looks like earlier output of this command."""
     with open(path, "rb") as file:
         start = file.read(64)
     return any(start.startswith((",".join(names) + "\n").encode()) for names in COLUMNS.values())

@@ -1,4 +1,4 @@
-"""``pinholify mode``."""
+"""The command ``pinholify mode``."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ EXAMPLES = examples(
 
 
 def crop(text: str) -> tuple[int, int, tuple[int, int]]:
-    """(left, top, (width, height)) in px of a text such as 0,240,3840x2160; raises BadParameter."""
+    """Parse a crop such as 0,240,3840x2160 as (left, top, (width, height)) in px; raises BadParameter."""
     match = re.fullmatch(r"(\d{1,6}),(\d{1,6}),(\S+)", text.strip())
     if match is None:
-        raise click.BadParameter(f"'{text}' is no crop; write LEFT,TOP,WxH in px, for example 0,240,3840x2160")
+        raise click.BadParameter(f"invalid crop '{text}': write LEFT,TOP,WxH in px, for example 0,240,3840x2160")
     return int(match[1]), int(match[2]), options.size(match[3])
 
 
 @click.command("mode", epilog=EXAMPLES)
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="Camera file to write.")
-@click.option("--crop", "part", type=crop, metavar="LEFT,TOP,WxH", help="Only this part of the image is read, in px.")
-@click.option("--bin", "factor", type=click.IntRange(1), metavar="N", help="N x N pixels are read as one.")
-@click.option("--size", type=options.size, metavar="WxH", help="All that is read is resampled to this size.")
+@click.option("--crop", "part", type=crop, metavar="LEFT,TOP,WxH", help="The mode reads only this part of the image.")
+@click.option("--bin", "factor", type=click.IntRange(1), metavar="N", help="The mode reads N x N pixels as one.")
+@click.option("--size", type=options.size, metavar="WxH", help="The mode resamples its image to this size.")
 @force_option
 def command(
     camera: Path,
@@ -39,10 +39,10 @@ def command(
     size: tuple[int, int] | None,
     force: bool,
 ) -> None:
-    """Make of CAMERA the one that another mode of the same sensor is: cropped, binned, scaled, in this order.
+    """Convert CAMERA to another mode of the same sensor: cropped, binned and scaled, in this order.
 
-    Nothing is calibrated anew, and the corners stay behind: 'evaluate' scores it on photographs of its own mode.
-    Cameras often crop video where photographs are whole; what is cropped stands in the camera's manual.
+    Nothing is calibrated again, and the corners are not kept: score the result with 'evaluate' on photographs of its
+    own mode. Cameras often crop video but not photographs; the camera's manual gives the crop.
     """
     from dataclasses import replace
 
@@ -51,13 +51,16 @@ def command(
     from pinholify.modes import binned, cropped, scaled
 
     if part is None and factor is None and size is None:
-        raise click.UsageError("say what the mode does: --crop, --bin or --size")
+        raise click.UsageError("give at least one of --crop, --bin and --size")
     check_camera_output(output, force=force, inputs=(camera,))
     calibration = read_camera(camera)
     mode = calibration.camera
-    mode = cropped(mode, *part) if part is not None else mode
-    mode = binned(mode, factor) if factor is not None else mode
-    mode = scaled(mode, size) if size is not None else mode
+    if part is not None:
+        mode = cropped(mode, *part)
+    if factor is not None:
+        mode = binned(mode, factor)
+    if size is not None:
+        mode = scaled(mode, size)
     corners = CornerSet(calibration.corner_set.board, mode.image_size)
     write_camera(output, replace(calibration, camera=mode, corner_set=corners))
     (width, height), (was_width, was_height) = mode.image_size, calibration.camera.image_size

@@ -1,4 +1,4 @@
-"""Options that several commands share, and how their texts are read."""
+"""Options, parameter types and output checks that several commands share."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LENGTHS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 
 def board(text: str) -> Board:
-    """A board such as 15x9; raises BadParameter with what may be written."""
+    """Parse a board such as 15x9; raises BadParameter, which lists the valid forms."""
     from pinholify.board import parse_board
 
     try:
@@ -40,29 +40,29 @@ def board(text: str) -> Board:
 
 
 def board_or_auto(text: str) -> Board | Auto:
-    """A board, or "auto", which the photographs tell; raises BadParameter with what may be written."""
+    """Parse a board, or "auto" to detect it from the photographs; raises BadParameter, which lists the valid forms."""
     return AUTO if text.strip() == AUTO else board(text)
 
 
 def size(text: str) -> tuple[int, int]:
-    """(width, height) in px of a text such as 1920x1080; raises BadParameter."""
+    """Parse a size such as 1920x1080 as (width, height) in px; raises BadParameter."""
     match = re.fullmatch(r"([1-9]\d{0,5})[xX×]([1-9]\d{0,5})", text)
     if match is None:
-        raise click.BadParameter(f"'{text}' is no size; write width x height in px, for example 1920x1080")
+        raise click.BadParameter(f"invalid size '{text}': write WIDTHxHEIGHT in px, for example 1920x1080")
     return int(match[1]), int(match[2])
 
 
 def length(text: str) -> float:
-    """Millimetres of a text such as 25mm, itself millimetres without a unit; raises BadParameter."""
+    """Parse a length such as 25mm, 2.5cm or 1in as millimetres, the default unit; raises BadParameter."""
     match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(mm|cm|m|in)?", text)
     millimetres = float(match[1]) * LENGTHS[match[2] or "mm"] if match else 0.0
     if millimetres <= 0:
-        raise click.BadParameter(f"'{text}' is no length; write for example 25mm, 2.5cm or 1in")
+        raise click.BadParameter(f"invalid length '{text}': write for example 25mm, 2.5cm or 1in")
     return millimetres
 
 
 def board_option(function: F) -> F:
-    """``--board``, required."""
+    """Add the required option ``--board``."""
     return click.option(
         "--board",
         type=board_or_auto,
@@ -74,26 +74,26 @@ def board_option(function: F) -> F:
 
 
 def json_option(function: F) -> F:
-    """``--json``."""
+    """Add the flag ``--json``, passed as ``as_json``."""
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")(function)
 
 
 def overwrite_option(function: F) -> F:
-    """``--force`` of commands whose results are not told from other files."""
-    return click.option("--force", is_flag=True, help="Replace files that are there; otherwise they are refused.")(
+    """Add ``--force`` to a command that refuses to replace any existing file without it."""
+    return click.option("--force", is_flag=True, help="Replace existing files; without it the command refuses to.")(
         function
     )
 
 
 def force_option(function: F) -> F:
-    """``--force`` of commands that know an earlier result of theirs."""
+    """Add ``--force`` to a command that recognises its own earlier results and always replaces them."""
     return click.option(
-        "--force", is_flag=True, help="Replace any file; an earlier result of the same kind is replaced anyway."
+        "--force", is_flag=True, help="Replace any file; an earlier result of the same kind is always replaced."
     )(function)
 
 
 def print_json(data: dict[str, Any]) -> None:
-    """One JSON object on standard output; numbers that do not exist are null."""
+    """Print one JSON object on standard output; numbers that are not finite become null."""
     click.echo(json.dumps(_finite(data), indent=2))
 
 
@@ -107,7 +107,7 @@ def _finite(value: Any) -> Any:
 
 @contextmanager
 def progress(description: str, total: int | None) -> Iterator[Callable[[], None]]:
-    """A progress bar on standard error where that is a terminal; yields the function that advances it."""
+    """Show a progress bar on standard error if that is a terminal; yields the function that advances it by one."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -123,10 +123,10 @@ def check_output(
     is_ours: Callable[[Path], bool] = lambda _: False,
     inputs: Iterable[str | Path] = (),
 ) -> None:
-    """Raise OutputError, before any work, where ``path`` may not be written.
+    """Raise OutputError, before any work, if ``path`` must not be written.
 
-    That is where it cannot be written, where it is one of the ``inputs``, and, unless ``force``, where it holds
-    something already that ``is_ours`` does not know as an earlier result of the same kind.
+    That is if it is not writable, if it is one of the ``inputs``, or, without ``force``, if it exists, is not empty and
+    ``is_ours`` does not recognise it as an earlier result of the same kind.
     """
     from pinholify.io.files import check_writable
 
@@ -136,23 +136,23 @@ def check_output(
     if any(os.path.exists(source) and path.samefile(source) for source in inputs):
         raise OutputError(f"'{path}' is one of the inputs; write to another file")
     if not force and path.stat().st_size and not is_ours(path):
-        raise OutputError(f"'{path}' is already there; choose another name, or say --force")
+        raise OutputError(f"'{path}' is already there; choose another name, or use --force")
 
 
 def check_camera_output(path: Path, *, force: bool, inputs: Iterable[str | Path] = ()) -> None:
-    """:func:`check_output` of a camera file, by whose ending everybody knows it."""
+    """Apply :func:`check_output` to a camera file, and raise OutputError if its name does not end in .npz."""
     from pinholify.io.camera_file import is_camera_file
 
     check_output(path, force=force, is_ours=is_camera_file, inputs=inputs)
     if path.suffix.lower() != CAMERA_SUFFIX:
-        raise OutputError(f"'{path}' is no name of a camera file; end it in {CAMERA_SUFFIX}")
+        raise OutputError(f"'{path}' is not a valid name for a camera file: it must end in {CAMERA_SUFFIX}")
 
 
 def examples(*lines: str) -> str:
-    """The end of a help text: ``lines`` to type, each kept in one piece."""
+    """The examples at the end of a help text: command ``lines``, never re-wrapped."""
     return "\b\n" + "\n  ".join(["Example:" if len(lines) == 1 else "Examples:", *lines])
 
 
 def say(text: str) -> None:
-    """A line for the person, on standard error."""
+    """Print a message on standard error."""
     click.echo(text, err=True)

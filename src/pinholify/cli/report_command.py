@@ -1,4 +1,4 @@
-"""``pinholify report``."""
+"""The command ``pinholify report``."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ STANDARD_OUTPUT = Path("-")
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("images", nargs=-1, type=click.Path(path_type=Path))
 @click.option("-o", "output", type=click.Path(path_type=Path),
-              help="File to write, by default report.html (or .md …); - is standard output.")
+              help="File to write; report.html by default (or .md, .json); - is standard output.")
 @click.option("--format", "form", type=click.Choice(FORMATS),
-              help="html: one page that holds everything; md: words and tables; json: numbers. Default: as -o ends.")
+              help="html: one self-contained page; md: text and tables; json: numbers. Default: as -o ends.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
 @click.option("--heldout/--no-heldout", default=True, show_default=True,
               help="Calibrate again on half of the boards to score the others.")
@@ -52,18 +52,18 @@ def command(
     as_json: bool,
     force: bool,
 ) -> None:
-    """Tell how good CAMERA is, on one page that needs nothing else.
+    """Write a self-contained report on how good CAMERA is.
 
-    IMAGES (files, folders, videos) are the photographs it was made from, and perhaps another of the same camera to show
-    straightened; without any, they are looked for beside the camera file and in the current folder. With --json the
-    report's numbers go to standard output, and a file is written only where -o names one.
+    IMAGES (files, folders, videos) are the photographs it was made from, optionally with another one of the same camera
+    to show straightened. Without IMAGES, the photographs are looked for next to the camera file and in the current
+    folder. With --json the report's numbers go to standard output, and a file is written only if -o names one.
     """
     from pinholify.io.camera_file import read_camera
     from pinholify.report.evaluated import evaluated
     from pinholify.report.formats import render
 
     if output == STANDARD_OUTPUT and as_json:
-        raise click.UsageError("--json and -o - both go to standard output; leave one out")
+        raise click.UsageError("--json and -o - both write to standard output; omit one")
     path = output or Path(f"report.{form or 'html'}")
     if output or not as_json:
         check_report_output(path, (camera, *images), force=force)
@@ -78,7 +78,7 @@ def command(
 
 
 def write_to(path: Path, report: Report, form: str | None = None, *, aloud: bool) -> None:
-    """Write ``report`` in the format ``form``, or that of the ending of ``path``; ``aloud`` says so."""
+    """Write ``report`` as ``form``, by default the format of the ending of ``path``; ``aloud`` also prints messages."""
     from pinholify.report.formats import render, write_report
 
     ending = path.suffix.lower().removeprefix(".")
@@ -95,19 +95,19 @@ def write_to(path: Path, report: Report, form: str | None = None, *, aloud: bool
 
 
 def check_report_output(path: Path, inputs: Sequence[Path], *, force: bool) -> None:
-    """Raise OutputError where the report may not be written to ``path``: never onto an input, there yet or not."""
+    """Raise OutputError if the report must not be written to ``path``; inputs are protected even before they exist."""
     from pinholify.errors import OutputError
     from pinholify.report.formats import is_report
 
     if path == STANDARD_OUTPUT:
         return
     if path.absolute() in [source.absolute() for source in inputs]:
-        raise OutputError(f"the report '{path}' would replace one of the other files; write it to another")
+        raise OutputError(f"the report '{path}' would replace another file of this command; choose another name")
     check_output(path, force=force, is_ours=is_report, inputs=inputs)
 
 
 def gathered_report(evaluation: Evaluation, verdict: Verdict, images: Sequence[Path], camera: Path) -> Report:
-    """The report of an evaluated ``camera`` file; photographs among ``images``, or else near it, are read for it."""
+    """Make the report of an evaluated ``camera`` file, with photographs from ``images`` or else from near that file."""
     from pinholify.report.contents import make_report
     from pinholify.report.pictures import read_pictures
     from pinholify.report.provenance import provenance_of
@@ -121,7 +121,7 @@ def gathered_report(evaluation: Evaluation, verdict: Verdict, images: Sequence[P
 
 @contextmanager
 def photographs_of(calibration: Calibration, images: Sequence[Path], camera: Path) -> Iterator[Photographs]:
-    """The files of the camera's photographs, frames of videos for the time of the block: among ``images``, or near."""
+    """Find the camera's photographs in ``images``, or near its file; frames of videos exist only within the block."""
     from pinholify.io.images import image_paths
     from pinholify.report.photographs import matched, nearby
 

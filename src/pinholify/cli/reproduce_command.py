@@ -1,4 +1,4 @@
-"""``pinholify reproduce``."""
+"""The command ``pinholify reproduce``."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from pinholify.cli.options import examples, force_option, json_option, print_jso
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.reproduction.run import Reproduction
 
-NARROWEST = 180  # characters that the widest table needs
+NARROWEST = 180  # characters; the width of the widest table
 
 
 @click.command("reproduce", epilog=examples("pinholify reproduce -o paper/ --quick"))
 @click.option("-o", "folder", type=click.Path(path_type=Path), required=True, help="Folder to write into.")
-@click.option("--quick", is_flag=True, help="Smaller images and fewer boards: about two minutes.")
+@click.option("--quick", is_flag=True, help="Use smaller images and fewer boards; takes about two minutes.")
 @json_option
 @force_option
 def command(folder: Path, quick: bool, as_json: bool, force: bool) -> None:
-    """Reproduce the paper: render its six data sets, calibrate them, make its tables and figures beside its numbers.
+    """Reproduce the paper: render its six data sets, calibrate them, and set tables and figures next to its own.
 
-    Takes about half an hour on two cores; an interrupted run takes up the data sets that it finished rendering. A
+    Takes about half an hour on two cores. When an interrupted run is repeated, data sets already rendered are reused. A
     folder that holds anything but an earlier run is refused without --force. Needs matplotlib.
     """
     from pinholify.errors import OutputError
     from pinholify.reproduction.run import PHOTOGRAPHS, reproduce
 
     if folder.is_dir() and any(folder.iterdir()) and not (folder / PHOTOGRAPHS).exists() and not force:
-        raise OutputError(f"the folder '{folder}' holds other files; choose a new one with -o, or say --force")
+        raise OutputError(f"the folder '{folder}' holds other files; choose a new one with -o, or use --force")
     reproduction = reproduce(folder, quick=quick, watch=_watch, workers=None)
     if as_json:
         print_json(reproduction.numbers)
     else:
         _print(reproduction)
-        click.echo(f"look at {reproduction.page}")
+        click.echo(f"see {reproduction.page}")
 
 
 @contextmanager
@@ -49,7 +49,7 @@ def _watch(text: str, parts: int | None) -> Iterator[Callable[[], None]]:
 
 
 def _print(reproduction: Reproduction) -> None:
-    """The tables and findings on standard output."""
+    """Print the tables and findings on standard output."""
     from rich.console import Console
     from rich.table import Table
 

@@ -1,4 +1,4 @@
-"""``pinholify serve``."""
+"""The command ``pinholify serve``."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ LOOPBACK = frozenset(["127.0.0.1", "localhost", "::1"])
 
 
 @click.command("serve", epilog=examples("pinholify serve", "pinholify serve --port 8000 --folder sessions/ --no-open"))
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to listen on; any free one by default.")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to listen on; by default any free one.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--folder", type=click.Path(path_type=Path, file_okay=False),
-              help="Where sessions are kept; your own data folder by default.")
+              help="Where sessions are kept; by default your own data folder.")
 @click.option("--open/--no-open", "browser", default=True, show_default=True, help="Open the page in your browser.")
 def command(port: int, host: str, folder: Path | None, browser: bool) -> None:
-    """Calibrate in your browser: drop photographs, or hold a board before the camera. Ctrl-C ends it.
+    """Calibrate in your browser: drop photographs, or hold a board in front of the camera. Ctrl-C ends it.
 
-    The page is served to this computer alone, to whoever opens the printed address with its token. Photographs stay
+    By default only this computer can reach the page, and only by the printed address with its token. Photographs stay
     in the folder until you delete their session.
     """
     try:
@@ -32,6 +32,6 @@ def command(port: int, host: str, folder: Path | None, browser: bool) -> None:
             raise
         raise InputError("the app needs more packages; install them with: pip install 'pinholify[app]'") from None
     if host not in LOOPBACK:
-        say(f"note: everybody who reaches {host} and has the address can use the app; it is not encrypted")
+        say(f"note: everyone who can reach {host} and has the address can use the app; the connection is not encrypted")
     place = folder or Path(click.get_app_dir("pinholify")) / "sessions"
     serve(place, host, port, browser=browser, announce=lambda address: click.echo(f"pinholify is at {address}"))

@@ -1,4 +1,4 @@
-"""``pinholify simulate``."""
+"""The command ``pinholify simulate``."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
 @click.command("simulate", epilog=examples("pinholify simulate unity-barrel -o data/"))
 @click.argument("name")
 @click.option("-o", "folder", type=click.Path(path_type=Path), required=True, help="Folder to write into.")
-@click.option("--views", type=click.IntRange(1), help="Only the first so many photographs.")
+@click.option("--views", type=click.IntRange(1), help="Number of photographs to render, at most those of the data set.")
 @overwrite_option
 def command(name: str, folder: Path, views: int | None, force: bool) -> None:
-    """Render the data set NAME (or all) of the paper's six: photographs, true corners, true camera.
+    """Render NAME, one of the paper's six data sets (or all): photographs, true corners, true camera.
 
-    Writes NAME/*.png (also of cameras that send JPEG, whose traces are in the pixels: it must not be applied twice),
-    NAME/corners.vnl and NAME/truth.npz (rays of a grid of pixels, f, uc, vc).
+    Writes NAME/*.png, NAME/corners.vnl and NAME/truth.npz (rays of a grid of pixels, f, uc, vc). Cameras that send JPEG
+    are written as PNG too: their pixels already have its artefacts, which must not be applied twice.
     """
     from pinholify.simulation.datasets import DATASETS
 
     if name != "all" and name not in DATASETS:
-        raise click.UsageError(f"'{name}' is no data set; there are: all, {', '.join(DATASETS)}")
+        raise click.UsageError(f"unknown data set '{name}': choose one of all, {', '.join(DATASETS)}")
     chosen = list(DATASETS.values()) if name == "all" else [DATASETS[name]]
     taken = [d.name for d in chosen if (folder / d.name).exists()]
     if taken and not force:
-        raise OutputError(f"'{folder / taken[0]}' is already there; choose another folder, or say --force")
+        raise OutputError(f"'{folder / taken[0]}' is already there; choose another folder, or use --force")
     for dataset in chosen:
         count = min(views or dataset.views, dataset.views)
         with progress(dataset.title, count) as advance:
@@ -42,7 +42,7 @@ def command(name: str, folder: Path, views: int | None, force: bool) -> None:
 
 
 def write_dataset(dataset: Dataset, folder: Path, count: int, advance: Callable[[], None]) -> None:
-    """One data set into its own folder."""
+    """Render ``count`` photographs of ``dataset`` into ``folder``, with corners and truth; ``advance`` counts them."""
     import numpy as np
 
     from pinholify.corners import Corners, CornerSet

@@ -1,4 +1,4 @@
-"""Where corners come from: photographs, or a corner table."""
+"""Corners from photographs or videos, or from a corner table."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ REASONS_SHOWN = 8
 
 
 def input_files(images: Sequence[Path], table: str | None) -> list[Path]:
-    """The files that would be read: images, those of folders too, or the table."""
+    """The files to read: the images, with folders expanded, or the table; UsageError unless exactly one is given."""
     from pinholify.io.images import image_paths
 
     if bool(images) == (table is not None):
@@ -42,9 +42,9 @@ def detect_with_progress(
     workers: int | None = None,
     needed: int = 1,
 ) -> CornerSet:
-    """The corners of ``board`` in image files, and in frames of videos; with a ``camera``, after a second look.
+    """Detect ``board`` in image files and frames of videos; with a ``camera``, look a second time.
 
-    Says which show none; CalibrationError if fewer than ``needed`` do.
+    Reports the images without a board, and raises CalibrationError if fewer than ``needed`` show one.
     """
     from pinholify.detection import detect_files
 
@@ -59,7 +59,7 @@ def detect_with_progress(
 
 
 def look_again_with_progress(images: Sequence[Path], corners: CornerSet, camera: VirtualCamera) -> CornerSet:
-    """``corners``, found in ``images``, after a second look with their ``camera``."""
+    """Look a second time at ``images``, in which ``corners`` were found, now that their ``camera`` is known."""
     with stills_for_videos(images) as files:
         return _again(files, corners, camera, None)
 
@@ -70,12 +70,12 @@ def _again(files: Sequence[Path], corners: CornerSet, camera: VirtualCamera, wor
     with progress("Looking again", len(files)) as advance:
         more = look_again_in_files(files, corners, camera, workers=workers, on_result=lambda _: advance())
     before, after = (sum(map(len, found.views)) for found in (corners, more))
-    say(f"a second look, with the camera known: {after} corners where the first found {before}")
+    say(f"a second look, with the camera known: {after} corners instead of {before}")
     return more
 
 
 def _agreed_board(files: Sequence[Path], workers: int | None) -> Board:
-    """The checkerboard that most of ``files`` show whole; says which it is."""
+    """The checkerboard that most of ``files`` show whole; prints its size."""
     from pinholify.detection import detect_size_in_files
 
     with progress("Looking for the board's size", len(files)) as advance:
@@ -93,21 +93,21 @@ def gather_corners(
     *,
     needed: int = 1,
 ) -> CornerSet:
-    """Corners from photographs or from a table (``-`` is standard input), whichever was given.
+    """Corners from photographs or from a table (``-`` is standard input), whichever is given.
 
-    Says which images show no board, and raises CalibrationError if fewer than ``needed`` show one.
+    Reports the images without a board, and raises CalibrationError if fewer than ``needed`` show one.
     """
     from pinholify.io.correspondence_tables import read_corners
 
     files = input_files(images, table)
     if table is None:
         if image_size is not None:
-            raise click.UsageError("--image-size goes with --corners; photographs tell their own size")
+            raise click.UsageError("--image-size goes with --corners; the size of photographs is read from their files")
         return detect_with_progress(files, board, mirrored, needed=needed)
     if image_size is None:
-        raise click.UsageError("--corners needs --image-size WxH: a table does not tell the size of the images")
+        raise click.UsageError("--corners needs --image-size WxH: a corner table does not contain the image size")
     if isinstance(board, str):
-        raise click.UsageError("--board auto goes with photographs; give the board of a corner table, e.g. 9x6")
+        raise click.UsageError("--board auto goes with photographs; with a corner table give the board, e.g. 9x6")
     corners = read_corners(sys.stdin if table == "-" else table, board=board, image_size=image_size)
     check_plausible(corners)
     check_found(corners, needed)
@@ -115,7 +115,7 @@ def gather_corners(
 
 
 def check_plausible(corners: CornerSet) -> None:
-    """Raise CornerTableError where corners cannot be those of a photograph of the size that was given."""
+    """Raise CornerTableError if corners lie outside the given image size, or all corners of a view on one line."""
     import numpy as np
 
     width, height = corners.image_size
@@ -133,22 +133,22 @@ def check_plausible(corners: CornerSet) -> None:
 
 @contextmanager
 def solving() -> Iterator[None]:
-    """Makes of equations without a solution, inside the block, a CalibrationError."""
+    """Turn NumPy's LinAlgError, raised inside the block, into a CalibrationError."""
     import numpy as np
 
     try:
         yield
     except np.linalg.LinAlgError as error:
         raise CalibrationError(
-            f"the corners lead to equations without a solution ({error}): look for wrong corners, a wrong size of the "
-            "board, or boards that all stand alike"
+            f"the corners lead to equations without a solution ({error}): check for wrong corners, a wrong board size "
+            "or boards that all have the same orientation"
         ) from None
 
 
 def check_found(corners: CornerSet, needed: int) -> None:
-    """Say which images show no board, and why, in few lines.
+    """Report, in few lines, which images show no board and why.
 
-    Raises CalibrationError where none shows one, and where so many show none that fewer than ``needed`` do.
+    Raises CalibrationError if there are such images and fewer than ``needed`` show a board.
     """
     reasons: dict[str, list[str]] = defaultdict(list)
     for view in corners.views:
@@ -161,11 +161,11 @@ def check_found(corners: CornerSet, needed: int) -> None:
         say(f"{_listed(names)}: {reason}")
     more = sum(len(names) for _, names in ordered[REASONS_SHOWN:])
     if more:
-        say(f"{more} more images show no board; 'pinholify detect --json' tells why for each")
+        say(f"{more} more images show no board; 'pinholify detect --json' gives the reason for each")
 
 
 def _too_few(corners: CornerSet, needed: int, reason: str, names: list[str]) -> str:
-    """The sentence about boards that are missing, with the most frequent ``reason``, that of the images ``names``."""
+    """The sentence on missing boards, with the most frequent ``reason`` and the images ``names`` that it applies to."""
     spec, total, found = corners.board.spec, len(corners.views), len(corners.found)
     if total == 1:
         what = f"no {spec} board was found in '{names[0]}'"
@@ -175,8 +175,8 @@ def _too_few(corners: CornerSet, needed: int, reason: str, names: list[str]) -> 
         what = f"a {spec} board was found in {found} of the {total} images where {needed} are needed"
     count = "" if len(names) == total else f"{_listed(names)}: "
     return (
-        f"{what} ({count}{reason}); check the board's size ({corners.board.counted}) and that it is sharp and "
-        "well lit"
+        f"{what} ({count}{reason}); check the board's size ({corners.board.counted}), and that it is sharp "
+        "and well lit"
     )
 
 

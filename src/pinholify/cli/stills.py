@@ -1,4 +1,4 @@
-"""Videos where photographs are wanted: frames of them take their place."""
+"""Videos in place of photographs: a selection of their frames is used."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pinholify.errors import InputError
 
 @contextmanager
 def stills_for_videos(files: Sequence[Path]) -> Iterator[list[Path]]:
-    """``files`` with every video replaced by pictures of some of its frames, which are there inside the block only."""
+    """``files`` with each video replaced by pictures of selected frames, which exist only within the block."""
     from pinholify.io.video.source import is_video
 
     videos = Counter(path.stem for path in files if is_video(str(path)))
@@ -23,7 +23,7 @@ def stills_for_videos(files: Sequence[Path]) -> Iterator[list[Path]]:
         return
     name, count = videos.most_common(1)[0]
     if count > 1:
-        raise InputError(f"two videos are called '{name}'; rename one, so that their frames can be told apart")
+        raise InputError(f"two videos are called '{name}'; rename one, so that their frames can be distinguished")
     with TemporaryDirectory(prefix="pinholify-") as folder:
         found: list[Path] = []
         for path in files:
@@ -32,7 +32,7 @@ def stills_for_videos(files: Sequence[Path]) -> Iterator[list[Path]]:
 
 
 def _stills(video: Path, folder: Path) -> list[Path]:
-    """Pictures named after ``video`` and the number of the frame."""
+    """Write selected frames of ``video`` into ``folder``, named after the video and the frame's number."""
     from pinholify.io.images import write_image
     from pinholify.io.video.choice import choose_stills
     from pinholify.io.video.completeness import shortfall

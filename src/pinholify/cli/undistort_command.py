@@ -1,4 +1,4 @@
-"""``pinholify undistort``."""
+"""The command ``pinholify undistort``."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ EXAMPLES = examples(
 @click.command("undistort", epilog=EXAMPLES)
 @click.argument("camera", type=click.Path(path_type=Path))
 @click.argument("images", nargs=-1, required=True)
-@click.option("-o", "output", required=True, help="Folder for the pictures, a path or a URL; a file for a video.")
+@click.option("-o", "output", required=True, help="Folder for the pictures, as a path or URL; for a video, a file.")
 @view_options
 @click.option(
     "--method",
     type=click.Choice(["remap", "splat"]),
     default="remap",
     show_default=True,
-    help="Interpolate backwards, or the paper's forward splat with a median filter, several times slower.",
+    help="remap: backward interpolation; splat: the paper's forward map with a median filter, several times slower.",
 )
-@click.option("--codec", type=click.Choice(CODECS), help="Video: how to encode; as the original by default.")
-@click.option("--quality", type=click.IntRange(0, 63), help="Video: constant rate factor, less is better.")
-@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes to use.")
-@click.option("--scheduler", metavar="ADDRESS", help="Use the workers of a dask cluster, e.g. tcp://127.0.0.1:8786.")
+@click.option("--codec", type=click.Choice(CODECS), help="Video: codec of the output; by default that of the original.")
+@click.option("--quality", type=click.IntRange(0, 63), help="Video: constant rate factor; lower is better.")
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Number of processes.")
+@click.option("--scheduler", metavar="ADDRESS", help="Use the workers of a Dask cluster, e.g. tcp://127.0.0.1:8786.")
 @click.option("--resume", is_flag=True, help="Skip what an earlier run with this camera and these options finished.")
 @json_option
 @overwrite_option
@@ -59,26 +59,26 @@ def command(
     as_json: bool,
     force: bool,
 ) -> None:
-    """Straighten IMAGES (files, folders or URLs) of CAMERA into a folder, as PNG or for a JPEG as JPEG; or one video.
+    """Straighten IMAGES (files, folders or URLs) of CAMERA into a folder, as PNG (JPEG for JPEG input); or one video.
 
-    What the camera does not know is black, and clear where an image has alpha. It knows the part of the image where
-    the standard deviation of its map is within its own limit, or --max-std. One of a single photograph knows the part
-    that its corners cover, an imported one where its formula holds. An image that fails is reported and the rest are
-    done; the exit status is then 1. A video keeps its frames' times and depth, its colours and its sound; when it is
-    stopped, the same command goes on from there. --json tells the view's K and rotation.
+    Pixels that the camera does not know are black, and transparent in an image with alpha. Known is where the standard
+    deviation of the map is within the camera's own limit, or --max-std; for a camera of a single photograph where its
+    corners are, for an imported one where its formula holds. An image that fails is reported and the rest are
+    processed; the exit status is then 1. A video keeps its frame times, bit depth, colours and sound; if a run is
+    stopped, the same command continues it. --json prints the view's K and rotation.
     """
     from pinholify.batch.run import straighten_images
     from pinholify.io.places import image_places
     from pinholify.io.video.source import is_video
 
     if scheduler is not None and workers > 1:
-        raise click.UsageError("give either --workers or --scheduler: a cluster knows its own workers")
+        raise click.UsageError("give either --workers or --scheduler: a cluster has its own workers")
     sources = image_places(images)
     videos = any(map(is_video, sources))
     if videos and (scheduler is not None or workers > 1):
-        raise click.UsageError("--workers and --scheduler are for images; a video takes the cores it can use by itself")
+        raise click.UsageError("--workers and --scheduler are for images; a video uses the available cores by itself")
     if not videos and (codec is not None or quality is not None):
-        raise click.UsageError("--codec and --quality are for a video")
+        raise click.UsageError("--codec and --quality are for videos")
     if not videos:
         check_folder(output)
     straighten = choice.straightener(camera, method=method)
@@ -99,13 +99,13 @@ def command(
 
 
 def check_folder(output: str) -> None:
-    """Raise OutputError for a place that is called like a file: nobody means a folder ``a.jpg``, unless it is one."""
+    """Raise OutputError if ``output`` has the ending of an image or video and is not an existing folder."""
     from pinholify.io.images import IMAGE_SUFFIXES
     from pinholify.io.video.encoding import CONTAINERS
 
     if Path(output).suffix.lower() in {*IMAGE_SUFFIXES, *CONTAINERS} and not Path(output).is_dir():
         raise OutputError(
-            f"'{output}' is called like a file and pictures go into a folder, under their own names; give a folder"
+            f"'{output}' looks like a file name, but pictures keep their own names: give a folder to write them into"
         )
 
 
@@ -122,15 +122,15 @@ def to_json(report: Report, straightener: Straightener) -> dict[str, Any]:
 
 
 def say_what_was_written(report: Report, folder: str) -> None:
-    """A line about the pictures, none where there are none."""
-    before = f"; {len(report.finished)} were there already" if report.finished else ""
+    """Print how many pictures were written, if any."""
+    before = f"; {len(report.finished)} were already there" if report.finished else ""
     if report.written or report.finished:
         count = len(report.written)
         click.echo(f"wrote {count} image{'' if count == 1 else 's'} into {folder}{before}")
 
 
 def summary_of(failures: Mapping[str, str], total: int) -> str:
-    """One sentence about images that failed; where there are several, all are listed before it."""
+    """One sentence about the images that failed; if there are several, each is reported first."""
     if len(failures) > 1:
         for error in failures.values():
             say(error)

@@ -1,4 +1,4 @@
-"""What ``pinholify undistort`` does with a video."""
+"""Straightening a video, for ``pinholify undistort``."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ def straighten_one_video(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Straighten the only one of ``sources``, a video, into the file ``target``, and say so.
+    """Straighten the single video in ``sources`` into the file ``target``, and report it.
 
-    Raises ImageError, after what there is of it was written, for a video that is cut short.
+    A video that is cut short is written as far as it goes, and then raises ImageError.
     """
     from pinholify.batch.video import straighten_video, video_job
     from pinholify.io.places import is_url
     from pinholify.io.video.completeness import shortfall
 
     if len(sources) > 1:
-        raise InputError(f"{len(sources)} files were given where one video is; straighten each by itself")
+        raise InputError(f"{len(sources)} files were given where one video was expected; straighten each by itself")
     source = sources[0]
     if is_url(source) or is_url(target):
         raise InputError("videos are read and written on this machine only; copy the video here first")
@@ -51,7 +51,7 @@ def straighten_one_video(
             frames = straighten_video(straightener, job, on_frame=advance)
         except KeyboardInterrupt:
             if job.parts.exists():
-                say("stopped; the same command goes on with what is done so far, kept in " + job.parts.name)
+                say("stopped; run the same command to continue: what is done so far is kept in " + job.parts.name)
             raise
     lacking = shortfall(source)
     failure = "" if lacking is None else replace(lacking, found=frames).of(source)
@@ -64,7 +64,7 @@ def straighten_one_video(
 
 
 def to_json(job: VideoJob, frames: int, straightener: Straightener, failure: str) -> dict[str, Any]:
-    """The object that ``--json`` prints; ``failure`` says what the source lacks, if anything."""
+    """The object that ``--json`` prints; ``failure`` says what the source lacks; empty if nothing."""
     return {
         "format_version": 1,
         "written": [job.target],
@@ -78,9 +78,9 @@ def to_json(job: VideoJob, frames: int, straightener: Straightener, failure: str
 
 
 def _say_what_changes(job: VideoJob) -> None:
-    """Tell of a pixel format that is not the original's, and of streams that are left out: never silently."""
+    """Report a pixel format that differs from the original's, and streams that are left out."""
     original = job.info.pixel_format.replace("yuvj", "yuv")
     if job.encoding.pixel_format != original:
-        say(f"the pixel format is {job.encoding.pixel_format}: {job.encoding.encoder} cannot hold {original} here")
+        say(f"the pixel format is {job.encoding.pixel_format}: {job.encoding.encoder} does not support {original} here")
     if job.left_out:
         say(f"left out: {len(job.left_out)} streams ({', '.join(sorted(set(job.left_out)))})")

@@ -1,4 +1,4 @@
-"""The options by which commands are told of a view, and the straightener for them."""
+"""The options that describe a view, and the straightener made from them."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ FACES = tuple(f"cube-{face}" for face in ("front", "right", "back", "left", "up"
 FLAT_VIEWS = ("camera", "board", *FACES)
 VIEWS = ("camera", "board", "cylindrical", "equirectangular", *FACES)
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
-LEAST_SAID = 0.0005  # share outside of a view of which is told
+LEAST_SAID = 0.0005  # share outside of a view that is reported
 
 FLAT_HELP = """camera: along the optical axis. board: straight at the reference board. cube-front, -right, -back, -left,
--up, -down: a face of a cube, square."""
+-up, -down: a square face of a cube."""
 VIEW_HELP = FLAT_HELP + " cylindrical, equirectangular: all around, for lenses beyond 120 degrees."
 
 
 @dataclass(frozen=True, slots=True)
 class ViewChoice:
-    """What the options said."""
+    """The values of the options."""
 
     view: str
     size: tuple[int, int] | None
@@ -39,11 +39,11 @@ class ViewChoice:
     max_std: float | None
 
     def options(self) -> dict[str, Any]:
-        """The keyword arguments by which the library is told the same, but for the view's name."""
+        """The keyword arguments of ``Straightener`` and ``export_view``, all but the view's name."""
         return {name: getattr(self, name) for name in ViewChoice.__slots__ if name != "view"}
 
     def straightener(self, camera: Path, **more: Any) -> Straightener:
-        """The straightener to this view of the camera in a file, said what it leaves out; ``more`` are options."""
+        """The straightener from the camera in a file to this view; prints what it leaves out. ``more`` goes to it."""
         from pinholify.io.camera_file import read_camera
         from pinholify.rectification.straightener import Straightener
 
@@ -53,7 +53,7 @@ class ViewChoice:
         return straightener
 
     def _left_out(self, straightener: Straightener) -> list[str]:
-        """What nobody asked to be left out."""
+        """Sentences on what the view leaves out although the options did not ask for it."""
         from pinholify.rectification.views import share_outside, shows_nothing
 
         camera, view = straightener.camera, straightener.view
@@ -64,56 +64,56 @@ class ViewChoice:
             return []
         outside = share_outside(camera, view, self.max_std)
         wider = "--fov, or --view cylindrical or equirectangular, shows more"
-        return [f"{outside:.1%} of what is known of the photograph lies outside the view; {wider}"] * (
+        return [f"{outside:.1%} of the known part of the photograph lies outside the view; {wider}"] * (
             outside >= LEAST_SAID
         )
 
 
 def turn(text: str) -> tuple[float, float, float]:
-    """Degrees (yaw, pitch, roll) of a text such as 30,-10 or 0,0,90; raises BadParameter."""
+    """Parse a rotation such as 30,-10 or 0,0,90 as (yaw, pitch, roll) in degrees; raises BadParameter."""
     if re.fullmatch(rf"{NUMBER}(\s*,\s*{NUMBER}){{0,2}}", text.strip()) is None:
-        raise click.BadParameter(f"'{text}' is no turn; write degrees YAW[,PITCH[,ROLL]], for example 30,-10,0")
+        raise click.BadParameter(f"invalid rotation '{text}': write YAW[,PITCH[,ROLL]] in degrees, e.g. 30,-10,0")
     yaw, pitch, roll = ([float(number) for number in text.split(",")] + [0.0, 0.0])[:3]
     return yaw, pitch, roll
 
 
 OPTIONS = (
-    click.option("--size", type=options.size, metavar="WxH", help="Size of the view in px; the image's by default."),
+    click.option("--size", type=options.size, metavar="WxH", help="Size of the view in px; by default the image's."),
     click.option(
         "--turn",
         type=turn,
         default="0,0,0",
         metavar="YAW[,PITCH[,ROLL]]",
-        help="Turn the view by degrees: to the right, upwards, clockwise.",
+        help="Turn the view, in degrees: to the right, upwards, clockwise.",
     ),
     click.option(
         "--fov",
         type=click.FloatRange(min=0, min_open=True, max=360),
-        help="Horizontal field of view in degrees; by default the view is fitted as --keep says.",
+        help="Horizontal field of view in degrees; by default the view is fitted according to --keep.",
     ),
     click.option(
         "--keep",
         type=click.Choice(["all", "valid"]),
         default="all",
         show_default=True,
-        help="Show all that is known up to 65 degrees from the view's axis (70 where corners end there), or the "
-        "largest picture without black in it.",
+        help="all: what is known up to 65 degrees from the view's axis (70 if that takes in all corners); valid: the "
+        "largest picture without black.",
     ),
     click.option(
         "--max-std",
         type=click.FloatRange(min=0, min_open=True),
-        help="Show where the map is known to this many px, instead of to the camera's own limit.",
+        help="Show pixels whose map has at most this standard deviation, in px, instead of the camera's own limit.",
     ),
 )
 
 
 def view_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """All of them; the command gets one argument ``choice``, a :class:`ViewChoice`."""
+    """Add all view options; the command receives them as one argument ``choice``, a :class:`ViewChoice`."""
     return _with_options(function, VIEWS, VIEW_HELP)
 
 
 def flat_view_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The same, of views that are pinhole cameras."""
+    """Add the same options, limited to views that are pinhole cameras."""
     return _with_options(function, FLAT_VIEWS, FLAT_HELP)
 
 
@@ -132,7 +132,7 @@ def _with_options(function: Callable[..., Any], views: tuple[str, ...], view_hel
 
 
 def view_json(straightener: Straightener) -> dict[str, Any]:
-    """What ``--json`` says of the view: its ``k`` (3, 3) px takes coordinates on its ``surface`` to pixels."""
+    """The JSON object of a view; its ``k`` (3, 3) takes coordinates on its ``surface`` to pixels."""
     view = straightener.view
     return {
         "name": straightener.view_name,

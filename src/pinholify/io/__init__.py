@@ -1,1 +1,1 @@
-"""Reading and writing: everything that touches files, and nothing that computes."""
+"""Everything that reads and writes files; conversions to and from other camera models fit splines here too."""

@@ -1,8 +1,8 @@
-"""The board printer: boards true to scale, as PDF, SVG or PNG by the ending of the file.
+"""Drawing boards true to scale, as PDF, SVG or PNG according to the file's ending.
 
-One way through: a board becomes an :class:`Artwork` in squares, the artwork a :class:`Sheet` in
-millimetres, and the sheet a file. A new kind of board is one function and one line in ``ARTWORKS``, a
-new format one in ``FORMATS``. Lengths are mm from the top left of the page, x to the right and y down.
+A board becomes an :class:`Artwork` in squares, the artwork a :class:`Sheet` in millimetres, and the sheet a file. A new
+kind of board needs one function and one line in ``ARTWORKS``, a new format one function and one line in ``FORMATS``.
+Lengths are in mm from the top left of the page, x to the right and y down.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ PAGES: dict[str, tuple[float, float]] = {
     "Legal": (215.9, 355.6),
     "Tabloid": (279.4, 431.8),
 }
-"""Width and height of the pages that have a name, upright, in mm."""
+"""Width and height of the named page sizes, upright, in mm."""
 
 MARGIN = 5.0
-"""White on every side of a page that printers leave empty, mm."""
+"""White margin on every side of a page, which printers cannot print on, in mm."""
 
 FOOTER = 9.0
-"""Height of the line of text and the ruler at the foot of a page, mm."""
+"""Height of the line of text and the ruler at the foot of a page, in mm."""
 
 PNG_DPI = 300
-"""Resolution of a PNG, up to the rounding that makes a square a whole number of pixels."""
+"""Resolution of a PNG before rounding to a whole number of pixels per square."""
 
 _PNG_MAX_PIXELS = 250_000_000
 _POINTS_PER_MM = 72 / 25.4
@@ -86,9 +86,9 @@ class Label:
 
 @dataclass(frozen=True, slots=True)
 class Artwork:
-    """What is black on a board, in squares from its top left corner, and how many squares the whole has.
+    """The black shapes of a board, in squares from its top left corner, and its size in squares.
 
-    ``origin`` is the place of the board's point 0; ``unit`` says of "{}" mm what a square is.
+    ``origin`` is the position of the board's point 0; ``unit`` is the text that describes squares of "{}" mm.
     """
 
     columns: float
@@ -100,7 +100,7 @@ class Artwork:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A page ready to be written: everything black on it, in mm."""
+    """A page ready to be written: its size and all its black shapes, in mm."""
 
     width: float
     height: float
@@ -111,16 +111,16 @@ class Sheet:
 
 
 def write_board(board: Board, path: str | os.PathLike[str], *, square_mm: float, page: str = "A4") -> Sheet:
-    """Writes ``board`` with squares of ``square_mm`` to ``path`` (.pdf, .svg or .png) and returns the sheet.
+    """Write ``board`` with squares of ``square_mm`` to ``path`` (.pdf, .svg or .png) and return the sheet.
 
-    ``page`` is a name in ``PAGES``, turned on its side where that fits better, or ``WxHmm``, taken as it
-    is. Raises BoardError where the board does not fit, InputError for another page or ending,
-    OutputError where the file cannot be written.
+    ``page`` is a name in ``PAGES``, in whichever orientation fits better, or ``WxHmm``, used unchanged. Raises
+    BoardError if the board does not fit, InputError for an unknown page or ending, and OutputError if the file cannot
+    be written.
     """
     ending = Path(path).suffix.lower()
     if ending not in FORMATS:
         found = f"ends in '{ending}'" if ending else "has no ending"
-        raise InputError(f"'{os.fspath(path)}' {found}; a board is written as one of: {', '.join(FORMATS)}")
+        raise InputError(f"'{os.fspath(path)}' {found}; a board can be written as {', '.join(FORMATS)}")
     sheet = lay_out(board, square_mm=square_mm, page=page)
     FORMATS[ending](sheet, path)
     return sheet
@@ -136,7 +136,7 @@ def _checkerboard(board: Checkerboard) -> Artwork:
 
 
 def _charuco(board: Charuco) -> Artwork:
-    """The checkerboard, and in its white squares, row by row, the markers."""
+    """The checkerboard, with the markers in its white squares, row by row."""
     squares = _checkerboard(Checkerboard(board.columns, board.rows))
     columns, rows = board.columns + 1, board.rows + 1
     white = [(x, y) for y in range(rows) for x in range(columns) if (x + y) % 2 == 1]
@@ -148,9 +148,9 @@ def _charuco(board: Charuco) -> Artwork:
 
 
 def _aprilgrid(board: AprilGrid) -> Artwork:
-    """Kalibr's: tags with a border of two cells, and black squares that touch their corners.
+    """Kalibr's board: tags with a border of two cells, and black squares that touch their corners.
 
-    OpenCV's AprilTags stand on their heads, seen from AprilTag's own and Kalibr's.
+    OpenCV's AprilTags are upside down compared with AprilTag's own and Kalibr's.
     """
     step, gap = 1.0 + board.gap, board.gap
     black: list[Rectangle] = []
@@ -173,7 +173,7 @@ def _circles(board: CircleGrid) -> Artwork:
 
 
 def _marker(dictionary: str, number: int, *, border: int) -> NDArray[np.bool_]:
-    """The black cells of one of OpenCV's markers, with a black border of so many cells."""
+    """The black cells (cells, cells) of an OpenCV marker with a black border of ``border`` cells."""
     import cv2
 
     markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
@@ -182,7 +182,7 @@ def _marker(dictionary: str, number: int, *, border: int) -> NDArray[np.bool_]:
 
 
 def _cells(marker: NDArray[np.bool_], left: float, top: float, side: float) -> list[Rectangle]:
-    """The black of ``marker`` (cells, cells), drawn from (left, top) on; a run of black in a row is one rectangle."""
+    """The black cells of ``marker`` (cells, cells), from (left, top); each run of black in a row is one rectangle."""
     cell = side / len(marker)
     return [
         Rectangle(left + start * cell, top + row * cell, (end - start) * cell, cell)
@@ -203,20 +203,19 @@ ARTWORKS: dict[type, Callable[[Any], Artwork]] = {
     AprilGrid: _aprilgrid,
     CircleGrid: _circles,
 }
-"""How each kind of board is drawn."""
+"""Kind of board → the function that draws it."""
 
 
 def lay_out(board: Board, *, square_mm: float, page: str) -> Sheet:
-    """The sheet of ``board``: it stands in the middle, above a footer with what it is and a ruler.
+    """The sheet of ``board``: the board in the middle, above a footer with its description and a ruler.
 
-    White of at least one square is left around it where the page allows that, of ``MARGIN`` always.
-    Raises BoardError for a screen, and where the board does not fit, with the largest square that does; InputError
-    for an unknown page.
+    At least ``MARGIN`` of white is left around the board. Raises BoardError for a screen, and if the board does not
+    fit, with the largest square that does; InputError for an unknown page.
     """
     if not (math.isfinite(square_mm) and square_mm > 0):
-        raise BoardError(f"a square of {square_mm:g} mm was asked for; a positive length is needed")
+        raise BoardError(f"a square of {square_mm:g} mm was requested; a positive length is needed")
     if isinstance(board, Screen):
-        raise BoardError(f"the screen {board.spec} shows its patterns itself: 'pinholify gray-code make' writes them")
+        raise BoardError(f"{board.spec} is a screen, not a print: 'pinholify gray-code make' writes its patterns")
     if type(board) not in ARTWORKS:
         kinds = ", ".join(kind.__name__ for kind in ARTWORKS)
         raise BoardError(f"a board of the kind {type(board).__name__} cannot be printed; these can: {kinds}")
@@ -241,22 +240,22 @@ def _placed(shape: Rectangle | Disc, left: float, top: float, scale: float) -> R
 
 
 def _orientations(page: str) -> list[tuple[float, float]]:
-    """The sizes (width, height) that ``page`` may take, in mm."""
+    """The possible sizes (width, height) of ``page``, in mm."""
     named = {name.lower(): size for name, size in PAGES.items()}.get(page.strip().lower())
     if named:
         return [named, (named[1], named[0])]
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*[xX×]\s*(\d+(?:\.\d+)?)\s*mm", page.strip())
     if match is None:
-        raise InputError(f"'{page}' is no page; name one of {', '.join(PAGES)}, or a size such as 600x400mm")
+        raise InputError(f"unknown page '{page}': choose one of {', '.join(PAGES)}, or a size such as 600x400mm")
     width, height = float(match[1]), float(match[2])
     if min(width, height) < 30 or max(width, height) > 5000:
         size = f"{width:g} x {height:g} mm"
-        raise InputError(f"a page of {size} was asked for; its sides must be between 30 and 5000 mm")
+        raise InputError(f"a page of {size} was requested; its sides must be between 30 and 5000 mm")
     return [(width, height)]
 
 
 def _largest_square(artwork: Artwork, width: float, height: float) -> float:
-    """The largest square in mm for which the artwork fits, with margins and footer."""
+    """The largest square, in mm, with which the artwork fits between margins and footer."""
     return min((width - 2 * MARGIN) / artwork.columns, (height - 3 * MARGIN - FOOTER) / artwork.rows)
 
 
@@ -264,15 +263,15 @@ def _does_not_fit(board: Board, artwork: Artwork, square_mm: float, page: str, l
     needed = f"{artwork.columns * square_mm:g} x {artwork.rows * square_mm:g} mm"
     asked, fitting = (artwork.unit.format(f"{mm:g}") for mm in (square_mm, math.floor(largest * 10 + 1e-9) / 10))
     return (
-        f"the board {board.spec} with {asked} covers {needed} and does not fit on {page}; the largest that does has "
-        f"{fitting}, or choose a larger page"
+        f"the board {board.spec} with {asked} covers {needed} and does not fit on {page}; the largest that fits has "
+        f"{fitting}; or choose a larger page"
     )
 
 
 def _footer(
     board: Board, unit: str, width: float, height: float
 ) -> tuple[tuple[Rectangle, ...], tuple[Label, ...]]:
-    """A ruler with a tick every 10 mm, 100 mm long where there is room, and above it what the board is."""
+    """A ruler with a tick every 10 mm, 100 mm long if there is room, and above it a description of the board."""
     room, foot = width - 2 * MARGIN, height - MARGIN
     length = next(length for length in (100, 50, 20) if length <= room)
     line = Rectangle(MARGIN, foot - _RULER_LINE, length, _RULER_LINE)
@@ -336,7 +335,7 @@ def _write_svg(sheet: Sheet, path: str | os.PathLike[str]) -> None:
 
 
 def _svg_rendering(sheet: Sheet) -> str:
-    """Discs with smooth edges; rectangles without the pale seams that smoothing leaves between two."""
+    """Smooth edges for discs; none for rectangles, because smoothing leaves pale seams between neighbours."""
     return "geometricPrecision" if any(isinstance(shape, Disc) for shape in sheet.black) else "crispEdges"
 
 
@@ -354,7 +353,7 @@ def _svg_label(label: Label) -> str:
 def _write_png(sheet: Sheet, path: str | os.PathLike[str]) -> None:
     from PIL import Image, ImageDraw, ImageFont
 
-    # A whole number of pixels a square, and the resolution to match: all squares are equal and true to scale.
+    # A whole number of pixels per square, and the resolution to match: all squares are equal and true to scale.
     scale = max(1, round(sheet.square * PNG_DPI / 25.4)) / sheet.square
     width, height = _pixel(sheet.width * scale), _pixel(sheet.height * scale)
     if width * height > _PNG_MAX_PIXELS:
@@ -375,20 +374,20 @@ def _write_png(sheet: Sheet, path: str | os.PathLike[str]) -> None:
 
 
 def _draw_disc(draw: ImageDraw.ImageDraw, disc: Disc, scale: float) -> None:
-    """The disc about a corner of pixels, so that all discs of a sheet are the same pixels."""
+    """Draw a disc centred on a corner between pixels, so that all discs of a sheet have identical pixels."""
     x, y, radius = _pixel(disc.x * scale), _pixel(disc.y * scale), _pixel(disc.radius * scale)
     draw.ellipse((x - radius, y - radius, x + radius - 1, y + radius - 1), fill=0)
 
 
 def _pixel_box(r: Rectangle, scale: float) -> tuple[int, int, int, int]:
-    """The first and last pixels of ``r``, both inside, at least one wide."""
+    """The first and last pixels of ``r``, both inclusive; at least one pixel wide and high."""
     left, top = _pixel(r.x * scale), _pixel(r.y * scale)
     right, bottom = _pixel((r.x + r.width) * scale), _pixel((r.y + r.height) * scale)
     return left, top, max(left, right - 1), max(top, bottom - 1)
 
 
 def _pixel(value: float) -> int:
-    """Rounds half up, with room for rounding errors: edges a whole number apart stay so."""
+    """Round half up, with a tolerance for rounding errors: edges a whole number apart stay so."""
     return math.floor(value + 0.5 + 1e-6)
 
 
@@ -397,4 +396,4 @@ FORMATS: dict[str, Callable[[Sheet, str | os.PathLike[str]], None]] = {
     ".svg": _write_svg,
     ".png": _write_png,
 }
-"""How each ending is written."""
+"""Ending → the function that writes a sheet."""

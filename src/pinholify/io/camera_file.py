@@ -2,7 +2,7 @@
 
 ``header`` holds the format version, provenance, and the calibration as nested objects in which every array is a
 reference to another entry of the archive. Only the types in ``HOMES`` are ever built from a file, so a file cannot run
-code. A new kernel, trend or map is one more line there.
+code. A new kernel, trend or map needs one more line there.
 """
 
 from __future__ import annotations
@@ -62,19 +62,17 @@ HOMES = {
     "SquaredExponential": "gp.kernels",
     "VirtualCamera": "camera",
 }
-"""Every type a camera file may hold, by its name there, and the module it lives in. Only those that a file holds are
-loaded.
-"""
+"""Name of each type that a camera file may contain → its module, imported only when a file contains the type."""
 
 
 def type_named(name: str) -> type[Any]:
-    """The type that camera files call ``name``; raises KeyError where they may not hold one."""
+    """The type called ``name`` in camera files; raises KeyError for one that they may not contain."""
     found: type[Any] = getattr(importlib.import_module(f"pinholify.{HOMES[name]}"), name)
     return found
 
 
 def write_camera(path: str | os.PathLike[str], calibration: Calibration) -> None:
-    """Write ``calibration`` to ``path`` (``.npz``), atomically; raises OutputError where that fails."""
+    """Write ``calibration`` to ``path`` (``.npz``), atomically; raises OutputError if that fails."""
     arrays: dict[str, Any] = {}
     header = {
         "format": FORMAT,
@@ -96,33 +94,33 @@ def write_camera(path: str | os.PathLike[str], calibration: Calibration) -> None
 
 
 def read_camera(path: str | os.PathLike[str]) -> Calibration:
-    """The calibration in ``path``; raises CameraFileError on anything that is not a whole camera file of ours."""
+    """Read the calibration in ``path``; raises CameraFileError unless it is a complete pinholify camera file."""
     name = os.fspath(path)
     header, arrays = _load(Path(path))
     if header.get("format") != FORMAT:
-        raise CameraFileError(f"'{name}' is no pinholify camera; give a file that 'pinholify calibrate' wrote")
+        raise CameraFileError(f"'{name}' is not a pinholify camera; give a file that 'pinholify calibrate' wrote")
     version = header.get("format_version")
     if not isinstance(version, int) or version > FORMAT_VERSION:
         raise CameraFileError(
             f"'{name}' has camera format {version} and this pinholify reads up to {FORMAT_VERSION}: upgrade pinholify"
         )
     try:
-        return _checked(_decode(_brought_up(header["calibration"], version), arrays))
-    except Exception as error:  # whatever is wrong in the file, and however it shows, it is the file's fault
+        return _checked(_decode(_upgraded(header["calibration"], version), arrays))
+    except Exception as error:  # a damaged file can raise anything
         raise CameraFileError(
             f"'{name}' is damaged ({type(error).__name__}: {error}); calibrate again or fetch the file again"
         ) from None
 
 
-def _brought_up(calibration: Any, version: int) -> Any:
-    """The header's object as this version writes it. Version 1 had the closed form as the camera's K."""
+def _upgraded(calibration: Any, version: int) -> Any:
+    """Convert the header's object to the current version. In version 1 the camera's K was the closed form."""
     if version < 2:
         calibration["fields"].pop("refined", None)
     return calibration
 
 
 def _checked(calibration: Any) -> Calibration:
-    """``calibration``, which must be one, after a trial of its camera; raises any error where the parts do not fit."""
+    """Return ``calibration`` after a trial of its camera; raises any error if it or its parts are wrong."""
     if not isinstance(calibration, Calibration):
         raise TypeError(f"a {type(calibration).__name__} where a calibration is needed")
     hull = calibration.camera.domain.hull.vertices
@@ -132,7 +130,7 @@ def _checked(calibration: Any) -> Calibration:
 
 
 def is_camera_file(path: str | os.PathLike[str]) -> bool:
-    """Whether ``path`` is a camera file of ours, of whatever version."""
+    """Whether ``path`` is a pinholify camera file, of any version."""
     try:
         return bool(_load(Path(path))[0].get("format") == FORMAT)
     except CameraFileError:
@@ -151,19 +149,19 @@ def _load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         raise
     except OSError as error:
         raise CameraFileError(f"'{path}' cannot be read: {error.strerror or error}; check the file") from None
-    except Exception:  # a foreign or damaged archive fails in many ways, none of them the user's concern
+    except Exception:  # a foreign or damaged archive can raise many errors, none of interest to the user
         raise CameraFileError(
-            f"'{path}' is no pinholify camera, or is cut short; give a file that 'pinholify calibrate' wrote"
+            f"'{path}' is not a pinholify camera, or is cut short; give a file that 'pinholify calibrate' wrote"
         ) from None
     return (header if isinstance(header, dict) else {}), arrays
 
 
 def _arrays(path: Path) -> dict[str, Any]:
-    """All arrays of an archive. Each entry is read to its end, or its checksum would not be looked at."""
+    """All arrays of an archive. Each entry is read to its end, or its checksum would not be verified."""
     with zipfile.ZipFile(path) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > MAX_BYTES:
             raise CameraFileError(
-                f"'{path}' would unpack to more than {MAX_BYTES >> 20} MiB and is no camera of ours; "
+                f"'{path}' would unpack to more than {MAX_BYTES >> 20} MiB and is not a pinholify camera; "
                 "give a file that 'pinholify calibrate' wrote"
             )
         return {
@@ -234,11 +232,11 @@ def _decode_corners(value: dict[str, Any], arrays: dict[str, Any]) -> CornerSet:
     width, height = (int(n) for n in value["image_size"])
     parts = zip(value["views"], _split(value, arrays), strict=True)
     views = tuple(Corners(ids=i, uv=u, weights=w, **texts) for texts, (i, u, w) in parts)
-    return CornerSet(board, (width, height), views, centred=isinstance(board, CircleGrid))  # as calibrations have them
+    return CornerSet(board, (width, height), views, centred=isinstance(board, CircleGrid))  # calibrations hold centres
 
 
 def _split(value: dict[str, Any], arrays: dict[str, Any]) -> Iterator[tuple[Any, Any, Any]]:
-    """Ids, pixels and weights of each view."""
+    """Ids (n,), pixels (n, 2) and weights (n,) of each view."""
     ends = np.cumsum(value["counts"])
     columns = [arrays[f"{value['path']}.{key}"] for key in ("ids", "uv", "weights")]
     if any(len(column) != (ends[-1] if len(ends) else 0) for column in columns):

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from pinholify.refinement.comparison import GRID, Comparison
 
 WIDTH = 1280
-OUTSIDE = 150  # grey where either camera has no domain
+OUTSIDE = 150  # grey outside either camera's domain
 INK = (40, 40, 40)
 SCALE_BAR, TICKS = (230, 1010), 5  # px from left to right, numbers along it
 
 
 def difference_picture(comparison: Comparison, image_size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Arrows of the difference, magnified, over its size by colour; grey outside of either camera's domain (BGR).
+    """A BGR picture of the difference: its size by colour, magnified arrows on top, and a legend below.
 
-    What the colours and the arrows mean stands below.
+    Pixels outside either camera's domain are grey.
     """
     scale = WIDTH / image_size[0]
     height = round(image_size[1] * scale)
@@ -33,13 +33,13 @@ def difference_picture(comparison: Comparison, image_size: tuple[int, int]) -> N
             tip = at + magnified * shift
             cv2.arrowedLine(picture, _pixel(at), _pixel(tip), (255, 255, 255), 1, cv2.LINE_AA, tipLength=0.3)
     title = np.full((48, WIDTH, 3), 255, np.uint8)
-    text = f"largest {largest:.3f} px, rms {comparison.rms():.3f} px, expected {comparison.expected_rms:.3f} px"
+    text = f"largest {largest:.3f} px, RMS {comparison.rms():.3f} px, expected {comparison.expected_rms:.3f} px"
     _write(title, text, (12, 33), 0.9)
     return np.vstack([title, picture, _legend(largest, magnified / scale)])
 
 
 def _legend(largest: float, magnified: float) -> NDArray[np.uint8]:
-    """The colours from no difference to the ``largest`` in px, and how much longer arrows are drawn than they are."""
+    """The colour scale from zero to the ``largest`` difference in px, and the factor by which arrows are magnified."""
     legend = np.full((80, WIDTH, 3), 255, np.uint8)
     left, right = SCALE_BAR
     legend[12:36, left:right] = _coloured(np.linspace(0.0, 1.0, right - left)[None])
@@ -57,7 +57,7 @@ def _legend(largest: float, magnified: float) -> NDArray[np.uint8]:
 
 
 def _coloured(share: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Colours (h, w, 3) of ``share`` (h, w) in [0, 1]."""
+    """BGR colours (h, w, 3) uint8 of ``share`` (h, w) in [0, 1]."""
     return np.asarray(cv2.applyColorMap(np.rint(255 * share).astype(np.uint8), cv2.COLORMAP_VIRIDIS), dtype=np.uint8)
 
 

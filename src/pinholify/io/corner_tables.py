@@ -1,11 +1,10 @@
-"""Corner tables (``.vnl``): corners of many images as plain text, in the form that mrcal reads and writes.
+"""Corner tables (``.vnl``): corners of many images as plain text, in the format of mrcal.
 
-A header ``# filename x y level``, then a line a corner: name, x, y, level, separated by blanks, all ids
-of the board in order. An unseen corner is ``name - - -``; an image without a board is exactly one such
-line. Lines that begin with ``#`` are comments, and two of them are ours: ``## ambiguous-offset name``
-and ``## orientation-assumed name``. A last column called ``weight`` holds weights; by any other name it
-is not read. A corner whose weight is ``-``, zero or negative is unseen. The table knows neither the
-board nor the image size.
+A header ``# filename x y level``, then one line per corner: name, x, y, level, separated by blanks, with all ids of the
+board in order. An unseen corner is ``name - - -``; an image without a board is exactly one such line. Lines that begin
+with ``#`` are comments; two of them have a meaning here: ``## ambiguous-offset name`` and ``## orientation-assumed
+name``. A last column called ``weight`` holds weights; under any other name it is ignored. A corner whose weight is
+``-``, zero or negative is unseen. The table contains neither the board nor the image size.
 """
 
 from __future__ import annotations
@@ -30,26 +29,25 @@ _REASON = "the corner table lists no corners for it"
 
 
 def read_corner_table(source: TextFile, *, board: Board, image_size: tuple[int, int]) -> CornerSet:
-    """The corners in the table ``source``, a path or an open text stream, in the order of the table.
+    """Read the corners in the table ``source``, a path or an open text stream, in the order of the table.
 
-    ``board`` and ``image_size``, (width, height) in px, are what the table does not say. Raises
-    CornerTableError, with the number of the line, for anything that breaks the format.
+    ``board`` and ``image_size``, (width, height) in px, are not part of the table. Raises CornerTableError, with the
+    line number, for anything that violates the format.
     """
     table = _Table(source_name(source))
     with reading_text(source, CornerTableError) as stream:
         table.read(stream)
     if not table.images:
-        needed = "a line a corner is needed: filename x y level"
+        needed = "one line per corner is needed: filename x y level"
         raise CornerTableError(f"'{table.name}' holds no corners; {needed}")
     return CornerSet(board, image_size, tuple(table.view(image, board) for image in table.images))
 
 
 def write_corner_table(target: TextFile, corners: CornerSet) -> None:
-    """Writes ``corners`` to ``target``, a path or an open text stream; reading gives the same numbers back.
+    """Write ``corners`` to ``target``, a path or an open text stream; reading it returns identical numbers.
 
-    The last column is ``weight`` where a weight differs from one, and ``level`` (always zero: full
-    resolution) where none does. Raises CornerTableError for a name with blanks, and OutputError where
-    the file cannot be written.
+    The last column is ``weight`` if any weight differs from one, and otherwise ``level`` (always zero: full
+    resolution). Raises CornerTableError for a name with blanks, and OutputError if the file cannot be written.
     """
     lines = list(_lines(corners))
     with writing_text(target) as stream:
@@ -58,7 +56,7 @@ def write_corner_table(target: TextFile, corners: CornerSet) -> None:
 
 @dataclass(slots=True)
 class _Image:
-    """The lines of one image: the number of the first, and x, y, weight of each (nan where unseen)."""
+    """The lines of one image: the number of the first, and x, y, weight of each (nan if unseen)."""
 
     line: int
     rows: list[tuple[float, float, float]] = field(default_factory=list)
@@ -66,7 +64,7 @@ class _Image:
 
 @dataclass(slots=True)
 class _Table:
-    """A table while it is being read."""
+    """The state of reading a table."""
 
     name: str
     weighted: bool = False
@@ -113,13 +111,13 @@ class _Table:
         return value
 
     def view(self, name: str, board: Board) -> Corners:
-        """The corners of image ``name``; raises CornerTableError where their number is not ``board``'s."""
+        """The corners of image ``name``; raises CornerTableError if their number is not that of ``board``."""
         image, needed = self.images[name], size(board)
         rows = np.array(image.rows)
         seen = np.isfinite(rows[:, 0])
         if len(rows) != needed and (len(rows) != 1 or seen.any()):
             problem = f"'{name}' has {len(rows)} lines where a {board.spec} board needs {needed}"
-            advice = "one a corner, or a single '- - -' for no board; check the size of the board"
+            advice = "one per corner, or a single '- - -' for no board; check the size of the board"
             raise self._error(image.line, f"{problem}, {advice}")
         if not seen.any():
             return not_found(name, _REASON)
@@ -160,9 +158,9 @@ def _rows(view: Corners, count: int, weighted: bool) -> Iterable[str]:
 
 
 def check_name(name: str) -> None:
-    """Raise CornerTableError for the name of an image that no corner table can hold."""
+    """Raise CornerTableError for an image name that is not allowed in a corner table."""
     if name.split() != [name] or name.startswith("#"):
         raise CornerTableError(
-            f"'{name}' cannot stand in a corner table, where names have no blanks and do not begin with '#'; "
+            f"'{name}' is not allowed in a corner table, where names have no blanks and do not begin with '#'; "
             "rename the image"
         )

@@ -1,8 +1,8 @@
-"""Correspondence tables (``.csv``): where a camera sees the nodes of a screen, for targets that no corner table holds.
+"""Correspondence tables (``.csv``): where a camera sees the nodes of a screen, which a corner table cannot represent.
 
-A header ``filename,X,Y,u,v,std``, then one line a node: the pose's name, the node's place on the screen in screen
-pixels, its place in the image in px, and the standard deviation of that per axis, px. Nodes in any order; those not
-seen have no line. Names may be quoted as usual in CSV.
+A header ``filename,X,Y,u,v,std``, then one line per node: the pose's name, the node's position on the screen in screen
+pixels, its position in the image in px, and the standard deviation of the latter per axis in px. Nodes may be in any
+order; unseen nodes have no line. Names may be quoted as usual in CSV.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from pinholify.io.files import TextFile, reading_text, source_name, writing_text
 
 HEADER = ("filename", "X", "Y", "u", "v", "std")
 ON_NODE = 1e-3
-"""Of the spacing: how far from a node a place may lie, for rounding."""
+"""As a fraction of the spacing: how far a rounded position may lie from its node."""
 
 
 def write_correspondences(target: TextFile, corners: CornerSet, std_px: float) -> None:
-    """Writes ``corners`` of a screen to ``target``; ``std_px`` is the standard deviation of a node of weight 1.
+    """Write ``corners`` of a screen to ``target``; ``std_px`` is the standard deviation of a node of weight 1.
 
-    Raises OutputError where the file cannot be written, and ValueError where the board is no screen.
+    Raises OutputError if the file cannot be written, and ValueError if the board is not a screen.
     """
     if not isinstance(corners.board, Screen):
         raise ValueError(f"the nodes of a screen were expected, not the corners of a {corners.board.spec} board")
@@ -46,23 +46,23 @@ def _rows(view: Corners, screen: Screen, std_px: float) -> Iterable[tuple[object
 
 
 def read_correspondences(source: TextFile, *, board: Board, image_size: tuple[int, int]) -> CornerSet:
-    """The nodes of the screen ``board`` in the table ``source``, a path or an open text stream, by name of the pose.
+    """Read the nodes of the screen ``board`` in the table ``source``, a path or an open text stream; one view per pose.
 
-    A node of the table's median standard deviation has weight 1. Raises CornerTableError, with the number of the line,
-    for anything that breaks the format, and where ``board`` is no screen or not the one of the table.
+    A node with the table's median standard deviation has weight 1. Raises CornerTableError, with the line number, for
+    anything that violates the format, and if ``board`` is not a screen or not that of the table.
     """
     name = source_name(source)
     if not isinstance(board, Screen):
         raise CornerTableError(
-            f"'{name}' holds places on a screen, but the board is {board.spec}: give the screen, for example "
-            "--board gray:1920x1080"
+            f"'{name}' holds positions on a screen, but the board is {board.spec}: give the screen as the board, for "
+            "example gray:1920x1080"
         )
     rows: dict[str, list[tuple[float, ...]]] = {}
     with reading_text(source, CornerTableError) as stream:
         for number, pose, values in _lines(stream, name):
             rows.setdefault(pose, []).append((number, *values))
     if not rows:
-        raise CornerTableError(f"'{name}' holds no correspondences; a line a node is needed: {','.join(HEADER)}")
+        raise CornerTableError(f"'{name}' holds no correspondences; one line per node is needed: {','.join(HEADER)}")
     tables = {pose: np.array(lines) for pose, lines in rows.items()}
     typical = float(np.median(np.concatenate([table[:, 5] for table in tables.values()])))
     views = tuple(_view(pose, table, board, typical, name) for pose, table in tables.items())
@@ -70,7 +70,7 @@ def read_correspondences(source: TextFile, *, board: Board, image_size: tuple[in
 
 
 def _lines(stream: TextIO, name: str) -> Iterator[tuple[int, str, tuple[float, ...]]]:
-    """Line number, name of the pose, and the five numbers of each line."""
+    """Line number, pose name and the five numbers of each line."""
     reader = csv.reader(stream)
     header = tuple(field.strip() for field in next(reader, []))
     if header != HEADER:
@@ -100,25 +100,25 @@ def _view(pose: str, table: np.ndarray, screen: Screen, typical: float, name: st
     if off.any():
         line, x, y = table[off][0, :3]
         raise CornerTableError(
-            f"'{name}', line {line:.0f}: ({x:g}, {y:g}) is no node of {screen.spec}: give the screen's size and the "
+            f"'{name}', line {line:.0f}: ({x:g}, {y:g}) is not a node of {screen.spec}: give the screen's size and the "
             "spacing that it was decoded with"
         )
     order = np.argsort(ids, kind="stable")
     twice = np.flatnonzero(np.diff(ids[order]) == 0)
     if len(twice):
         line = table[order[twice[0] + 1], 0]
-        raise CornerTableError(f"'{name}', line {line:.0f}: '{pose}' has this node twice; leave one line")
+        raise CornerTableError(f"'{name}', line {line:.0f}: '{pose}' has this node twice; keep one line")
     return Corners(pose, ids[order], table[order, 3:5], typical / table[order, 5])
 
 
 def is_correspondence_table(path: Path) -> bool:
-    """Whether the file begins as a table of correspondences does."""
+    """Whether the file begins like a correspondence table."""
     with open(path, "rb") as file:
         return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(",".join(HEADER).encode())
 
 
 def read_corners(source: TextFile, *, board: Board, image_size: tuple[int, int]) -> CornerSet:
-    """The corners in ``source``: a table of correspondences where it begins as one does, else a corner table."""
+    """Read the corners in ``source``, a correspondence table if it begins like one, otherwise a corner table."""
     if isinstance(source, str | Path) and Path(source).is_file() and is_correspondence_table(Path(source)):
         return read_correspondences(source, board=board, image_size=image_size)
     return read_corner_table(source, board=board, image_size=image_size)

@@ -1,4 +1,4 @@
-"""Opening text to read, and writing files so that a failure leaves what was there before."""
+"""Reading text, and writing files so that a failure leaves the previous file in place."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing import TextIO, TypeAlias
 from pinholify.errors import InputError, OutputError
 
 TextFile: TypeAlias = "str | os.PathLike[str] | TextIO"
-"""A path, or a text stream that somebody else opened and closes."""
+"""A path, or a text stream that the caller opens and closes."""
 
 _ADVICE = {
-    errno.ENOENT: "its folder does not exist; make the folder first or name another",
-    errno.ENOTDIR: "a part of its path is a file, not a folder; name another place",
+    errno.ENOENT: "its folder does not exist; create the folder first or choose another",
+    errno.ENOTDIR: "part of its path is a file, not a folder; choose another place",
     errno.EISDIR: "it is a folder; name a file in it",
     errno.EACCES: "permission is denied; choose a place you may write to",
     errno.EPERM: "permission is denied; choose a place you may write to",
@@ -29,19 +29,18 @@ _ADVICE = {
 
 
 def cannot_write(path: str | os.PathLike[str], error: OSError) -> OutputError:
-    """The sentence for a person about ``error``, met while writing ``path``."""
+    """The OutputError for an ``error`` that occurred while writing ``path``."""
     advice = _ADVICE.get(error.errno or 0, f"{error.strerror or error}; choose another place")
     return OutputError(f"'{os.fspath(path)}' cannot be written: {advice}")
 
 
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A new, empty file beside ``path`` to write into; it becomes ``path`` when the block ends well.
+    """A new, empty file next to ``path`` to write to; it replaces ``path`` when the block succeeds.
 
-    The temporary file keeps the ending of ``path``, for writers that choose the format by it. Where the
-    block fails in any way the temporary file is removed and what stood at ``path`` stays. Links are
-    followed. Raises OutputError where the file cannot be written, before the block runs wherever that
-    can be known; an OSError inside the block is taken for a failure to write.
+    The temporary file has the ending of ``path``, for writers that choose the format by it. If the block fails, the
+    temporary file is removed and ``path`` is left unchanged. Links are followed. Raises OutputError if the file cannot
+    be written, before the block runs if possible; an OSError inside the block counts as a failure to write.
     """
     try:
         final = _writable(Path(path))
@@ -60,28 +59,28 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def _writable(path: Path) -> Path:
-    """``path`` with its links followed; raises OSError where no file may be put in its place."""
+    """``path`` with its links followed; raises OSError if it must not be replaced by a file."""
     final = Path(os.path.realpath(path))
     if final.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if final.exists() and not final.is_file():
-        raise OSError(errno.ENOTSUP, "it is a device or a pipe, and only a file can be replaced as a whole")
+        raise OSError(errno.ENOTSUP, "it is a device or a pipe, and only a file can be replaced")
     if final.exists() and not os.access(final, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     return final
 
 
 def make_folder(folder: Path) -> Path:
-    """``folder``, made with its parents where it is not there; raises OutputError where it cannot be."""
+    """Create ``folder`` and its parents if needed, and return it; raises OutputError if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"the folder '{folder}' cannot be made: {error.strerror}; choose another with -o") from None
+        raise OutputError(f"the folder '{folder}' cannot be created: {error.strerror}; choose another folder") from None
     return folder
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Raise OutputError where :func:`atomic_path` would, before the work whose result is to be written."""
+    """Raise OutputError if :func:`atomic_path` would: a check before the work whose result will be written."""
     with suppress(_Unused), atomic_path(path):
         raise _Unused
 
@@ -92,9 +91,9 @@ class _Unused(Exception):
 
 @contextmanager
 def writing_text(target: TextFile) -> Iterator[TextIO]:
-    """A UTF-8 stream onto ``target``: the stream itself, or a file that appears when the block ends well.
+    """A UTF-8 stream to ``target``: the stream itself, or a file that appears when the block succeeds.
 
-    Raises OutputError where the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     if not isinstance(target, str | os.PathLike):
         yield target
@@ -105,9 +104,9 @@ def writing_text(target: TextFile) -> Iterator[TextIO]:
 
 @contextmanager
 def reading_text(source: TextFile, error: type[InputError] = InputError) -> Iterator[TextIO]:
-    """A text stream to read ``source`` from, UTF-8 with or without a byte order mark.
+    """A text stream that reads ``source`` as UTF-8, with or without a byte order mark.
 
-    Raises ``error`` where there is no such file, where it may not be read, and where it is not text.
+    Raises ``error`` if the file does not exist, cannot be read, or is not text.
     """
     name = source_name(source)
     try:
@@ -128,7 +127,7 @@ def reading_text(source: TextFile, error: type[InputError] = InputError) -> Iter
 
 
 def source_name(source: TextFile) -> str:
-    """What to call ``source`` in a message."""
+    """The name of ``source`` in messages."""
     if isinstance(source, str | os.PathLike):
         return os.fspath(source)
     name = getattr(source, "name", "")

@@ -1,4 +1,4 @@
-"""Image files: found, read at full size and depth, and written whole or not at all."""
+"""Image files: listed, read at full size and bit depth, and written completely or not at all."""
 
 from __future__ import annotations
 
@@ -16,24 +16,21 @@ from pinholify.errors import ImageError, OutputError
 from pinholify.io.files import atomic_path
 
 Image = NDArray[Any]
-"""(height, width) or (height, width, 3) uint8 or uint16; colour in OpenCV's order blue, green, red, perhaps alpha."""
+"""(height, width), (height, width, 3) BGR or (height, width, 4) BGRA, uint8 or uint16."""
 
 IMAGE_SUFFIXES = frozenset(
     [".bmp", ".jpeg", ".jpg", ".jp2", ".png", ".webp", ".avif", ".pbm", ".pgm", ".ppm", ".tif", ".tiff"]
 )
-"""What counts as an image in a folder; a file named by itself is tried whatever it is called."""
+"""Endings of images in a folder; a file given by name is tried whatever its ending."""
 
 MAX_PIXELS = 160_000_000
-"""Larger images are refused before they are decoded. The largest camera sensors on sale have 151 megapixels.
-"""
+"""Larger images are refused before decoding. The largest camera sensors on sale have 151 megapixels."""
 
 
 def image_paths(arguments: Iterable[str | Path]) -> list[Path]:
-    """The files that ``arguments`` name; a folder stands for the images in it, in the natural order of their
-    names.
+    """The image files of ``arguments``, with folders replaced by the images in them in natural order of their names.
 
-    Raises ImageError where nothing is named and for a folder without images. Whether a file exists, reading
-    will tell.
+    Raises ImageError for no arguments and for a folder without images; whether files exist is not checked.
     """
     paths: list[Path] = []
     for argument in map(Path, arguments):
@@ -50,7 +47,7 @@ def image_paths(arguments: Iterable[str | Path]) -> list[Path]:
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:
-    """Sorts image2 before image10."""
+    """A sorting key that puts image2 before image10."""
     parts = re.split(r"(\d+)", name.lower())
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
@@ -59,17 +56,17 @@ def read_image(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Image:
     """The image in the file ``path``: grey or colour (BGR), uint8 or uint16, at full size, without alpha.
 
     EXIF rotation is ignored on purpose: a calibration belongs to the sensor, whose pixels do not move when
-    the camera is turned. Raises ImageError for a file that is missing, empty, cut short, no image, or of more
+    the camera is turned. Raises ImageError for a file that is missing, empty, cut short, not an image, or of more
     than ``max_pixels``.
     """
     return decode_image(read_bytes(path), str(path), max_pixels=max_pixels)
 
 
 def decode_image(data: bytes, name: str, *, max_pixels: int = MAX_PIXELS, keep_alpha: bool = False) -> Image:
-    """The image in the bytes ``data`` of a file called ``name``, as :func:`read_image` gives it.
+    """Decode the bytes ``data`` of an image file called ``name``, as :func:`read_image` does.
 
-    With ``keep_alpha`` one that has transparency is (height, width, 4): blue, green, red, alpha.
-    Raises ImageError for what is empty, cut short, no image, or of more than ``max_pixels``.
+    With ``keep_alpha`` an image that has transparency is (height, width, 4) BGRA. Raises ImageError for data that is
+    empty, cut short, not an image, or of more than ``max_pixels``.
     """
     import cv2
 
@@ -91,7 +88,7 @@ def decode_image(data: bytes, name: str, *, max_pixels: int = MAX_PIXELS, keep_a
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """What the image file ``path`` holds; raises ImageError where it cannot be read."""
+    """The content of the image file ``path``; raises ImageError if it cannot be read."""
     try:
         return Path(path).read_bytes()
     except IsADirectoryError:
@@ -103,9 +100,9 @@ def read_bytes(path: str | Path) -> bytes:
 
 
 def _check_header(data: bytes, name: str, max_pixels: int) -> None:
-    """Refuses what would harm (too many pixels) or mislead: OpenCV fills the missing end of a file with grey.
+    """Raise ImageError for too many pixels and for a file cut short, whose missing end OpenCV would fill with grey.
 
-    A format that Pillow does not know passes: OpenCV decides.
+    A format that Pillow does not know passes; OpenCV then decides.
     """
     from PIL import Image as PillowImage
     from PIL import UnidentifiedImageError
@@ -125,7 +122,7 @@ def _check_header(data: bytes, name: str, max_pixels: int) -> None:
 
 
 def _has_alpha(data: bytes) -> bool:
-    """Whether the header of an image says so; of one that :func:`_check_header` let pass."""
+    """Whether an image that passed :func:`_check_header` has transparency, according to its header."""
     from PIL import Image as PillowImage
 
     try:
@@ -138,7 +135,7 @@ def _has_alpha(data: bytes) -> bool:
 def _check_complete(name: str, picture: Any) -> None:
     try:
         if picture.format == "JPEG":
-            # An eighth of the size is decoded quickly, and still from all bytes of the file.
+            # Decoding at an eighth of the size is fast and still reads all bytes of the file.
             picture.draft("L", (max(picture.width // 8, 1), max(picture.height // 8, 1)))
             picture.load()
         elif picture.format == "PNG":
@@ -155,10 +152,9 @@ def _too_large(name: str, pixels: int | None, max_pixels: int) -> ImageError:
 
 
 def write_image(path: str | Path, image: Image) -> None:
-    """Writes ``image`` (grey or BGR, uint8 or uint16) in the format of the suffix of ``path``, all of it or
-    nothing.
+    """Write ``image`` (grey or BGR, uint8 or uint16) to ``path``, atomically, in the format of its suffix.
 
-    Raises OutputError where the format or the place does not take it.
+    Raises OutputError if the format does not support the image, or if the file cannot be written.
     """
     data = encode_image(image, str(path))
     with atomic_path(path) as temporary:
@@ -166,20 +162,20 @@ def write_image(path: str | Path, image: Image) -> None:
 
 
 def encode_image(image: Image, name: str) -> bytes:
-    """``image`` (grey, BGR or BGRA, uint8 or uint16) as the bytes of a file called ``name``, by its suffix's format.
+    """Encode ``image`` (grey, BGR or BGRA, uint8 or uint16) in the format of the suffix of ``name``.
 
-    Raises OutputError where the format does not take it.
+    Raises OutputError if the format does not support the image.
     """
     import cv2
 
     suffix = Path(name).suffix.lower()
     if image.dtype == np.uint16 and suffix in {".jpg", ".jpeg", ".jpe", ".webp", ".bmp"}:
-        raise OutputError(f"'{name}' cannot hold 16 bits a channel; write PNG or TIFF instead")
+        raise OutputError(f"'{name}' cannot hold 16 bits per channel; write PNG or TIFF instead")
     options = [cv2.IMWRITE_JPEG_QUALITY, 97] if suffix in {".jpg", ".jpeg", ".jpe"} else []
     try:
         encoded, data = cv2.imencode(suffix, image, options)
     except cv2.error:
         encoded = False
     if not encoded:
-        raise OutputError(f"'{name}' cannot be written as an image: '{suffix}' is no format for it; try .png")
+        raise OutputError(f"'{name}' cannot be written: the format '{suffix}' does not support this image; try .png")
     return bytes(data)

@@ -1,4 +1,4 @@
-"""A live camera, straightened frame by frame, for programs that look at it."""
+"""A live camera, straightened frame by frame."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from pinholify.rectification.straightener import Straightener
 
 
 def straight_frames(source: int | str, straightener: Straightener) -> Iterator[Image]:
-    """The straightened frames (height, width, 3) uint8, BGR, of the camera number ``source`` until it gives no more.
+    """Yield the straightened frames (height, width, 3) uint8 BGR of the camera ``source`` until it delivers no more.
 
-    ``source`` may be whatever ``cv2.VideoCapture`` opens: a number, a stream's URL, a device. The camera is asked for
-    images of the calibrated size; ImageError where it does not open or gives another size. Show them in a window of
-    your own (the headless OpenCV that pinholify needs opens none), write them on, or feed them to a network. For video
-    files :func:`pinholify.straighten_video` keeps times, sound and depth, which this does not.
+    ``source`` is anything that ``cv2.VideoCapture`` opens: a number, the URL of a stream, a device. The calibrated
+    image size is requested from the camera; raises ImageError if the camera cannot be opened or delivers another size.
+    Displaying frames is up to the caller: the headless OpenCV that pinholify depends on opens no windows. For video
+    files use :func:`pinholify.straighten_video`, which keeps frame times, sound and bit depth.
     """
     capture = cv2.VideoCapture(source)
     try:
         if not capture.isOpened():
-            raise ImageError(f"no camera answers at '{source}'; check its number and that no other program uses it")
+            raise ImageError(f"no camera answers at '{source}'; check its number, and that no other program uses it")
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, straightener.camera.image_size[0])
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, straightener.camera.image_size[1])
         while True:

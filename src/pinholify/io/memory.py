@@ -1,4 +1,4 @@
-"""What becomes of memory that was freed."""
+"""Tuning of the C library's memory allocation."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import ctypes
 
 TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD = -1, -2, -3  # glibc's malloc.h
 KEPT = 256 * 2**20  # bytes
-LARGEST = 32 * 2**20  # bytes of an array that comes from what is kept; more glibc does not allow
+LARGEST = 32 * 2**20  # bytes; the largest array taken from kept memory, and glibc's maximum
 AHEAD = 16 * 2**20  # bytes
 
 
 def keep_freed_memory() -> None:
-    """Let the C library keep what was freed for the next array, where it is glibc; others are left as they are.
+    """Let glibc keep freed memory for the next array; other C libraries are left unchanged.
 
-    A solve makes and frees arrays of a few hundred kB thousands of times. By default glibc gives such memory back at
-    once, and the system then clears each page of the next array anew, which takes longer than to work with it
+    A solve creates and frees arrays of a few hundred kB thousands of times. By default glibc returns such memory to the
+    system at once, and the system then clears each page of the next array again, which takes longer than using it
     (mallopt(3)).
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
-    except (AttributeError, OSError, TypeError):  # another C library; Windows has no name for all that is loaded
+    except (AttributeError, OSError, TypeError):  # another C library; on Windows CDLL(None) fails
         return
     for parameter, value in ((TRIM_THRESHOLD, KEPT), (MMAP_THRESHOLD, LARGEST), (TOP_PAD, AHEAD)):
         mallopt(parameter, value)

@@ -1,6 +1,6 @@
-"""Bytes at a place: a path on this machine, or a URL of any storage that fsspec knows (extra ``cluster``).
+"""Reading and writing bytes at a place: a local path, or a URL of any storage that fsspec supports (extra ``cluster``).
 
-A text with ``://`` is a URL, and its scheme is the user's: ``s3://``, ``gcs://``, ``memory://``. Paths need no extra.
+A text with ``://`` is a URL, such as ``s3://…``, ``gcs://…`` or ``memory://…``. Paths need no extra.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from pinholify.io.files import atomic_path
 
 
 def is_url(place: str) -> bool:
-    """Whether ``place`` goes through fsspec."""
+    """Whether ``place`` is a URL, which is accessed through fsspec."""
     return "://" in place
 
 
 def absolute(place: str) -> str:
-    """``place`` as processes with another working folder call it."""
+    """``place`` in a form that is valid in any working folder."""
     return place if is_url(place) else os.path.abspath(place)
 
 
 def real(place: str) -> str:
-    """The one name of ``place``: a path is absolute, its links followed."""
+    """The canonical name of ``place``: a path is made absolute and its links are followed."""
     return place if is_url(place) else os.path.realpath(place)
 
 
 def inside(folder: str, name: str) -> str:
-    """The place called ``name`` in ``folder``."""
+    """The place ``name`` in ``folder``."""
     return f"{folder.rstrip('/')}/{name}" if is_url(folder) else str(Path(folder) / name)
 
 
@@ -46,9 +46,9 @@ def name_of(place: str) -> str:
 
 
 def image_places(arguments: Iterable[str]) -> list[str]:
-    """The images that ``arguments`` name; a folder, here or behind a URL, stands for those in it, in natural order.
+    """The images of ``arguments``, with folders and folder URLs replaced by the images in them, in natural order.
 
-    Raises ImageError as :func:`pinholify.io.images.image_paths` does, and where a storage does not answer.
+    Raises ImageError as :func:`pinholify.io.images.image_paths` does, and if a storage cannot be read.
     """
     places: list[str] = []
     for remote, some in _by_storage(arguments):
@@ -57,7 +57,7 @@ def image_places(arguments: Iterable[str]) -> list[str]:
 
 
 def _by_storage(places: Iterable[str]) -> Iterator[tuple[bool, list[str]]]:
-    """Neighbours of one storage together, in order; whether it is another than this machine's files."""
+    """Yield (is remote, places) for runs of neighbouring ``places`` in the same storage, in order."""
     for storage, some in groupby(places, lambda place: urlsplit(place)[:2] if is_url(place) else ()):
         yield bool(storage), list(some)
 
@@ -75,7 +75,7 @@ def _listed(url: str) -> list[str]:
 
 
 def read_bytes(place: str) -> bytes:
-    """All that is at ``place``; raises ImageError where it cannot be read."""
+    """The content of ``place``; raises ImageError if it cannot be read."""
     if not is_url(place):
         return images.read_bytes(place)
     files, path = _storage(place)
@@ -84,9 +84,9 @@ def read_bytes(place: str) -> bytes:
 
 
 def write_bytes(place: str, data: bytes) -> None:
-    """Put ``data`` at ``place``, all of it or nothing; raises OutputError where it cannot be put there.
+    """Write ``data`` to ``place``, completely or not at all; raises OutputError if it cannot be written.
 
-    Behind a URL too a temporary name is written and then moved: not every storage puts an object in one piece.
+    URLs too are written under a temporary name and then moved, because not every storage writes an object atomically.
     """
     if not is_url(place):
         with atomic_path(place) as temporary:
@@ -107,9 +107,9 @@ def write_bytes(place: str, data: bytes) -> None:
 
 
 def beginnings(places: Sequence[str], count: int) -> list[bytes | None]:
-    """The first ``count`` bytes at each of ``places``, None where there is nothing; many at once where that is faster.
+    """The first ``count`` bytes at each of ``places``, None if it does not exist; a storage is queried in bulk.
 
-    Raises ImageError where a storage does not answer.
+    Raises ImageError if a storage cannot be read.
     """
     found: list[bytes | None] = []
     for remote, some in _by_storage(places):
@@ -137,7 +137,7 @@ def _url_beginnings(urls: list[str], count: int) -> list[bytes | None]:
 
 
 def sizes(places: Sequence[str]) -> list[int | None]:
-    """Bytes at each of ``places``, None where that cannot be told."""
+    """The size of each of ``places`` in bytes, None if unknown."""
     found: list[int | None] = []
     for remote, some in _by_storage(places):
         found += _url_sizes(some) if remote else [_file_size(path) for path in some]
@@ -155,12 +155,12 @@ def _url_sizes(urls: list[str]) -> list[int | None]:
     files, _ = _storage(urls[0])
     try:
         return list(files.sizes([_storage(url)[1] for url in urls]))
-    except Exception:  # every storage has its own errors; one that is missing must not hide the others
+    except Exception:  # every storage has its own errors; one missing file must not hide the others
         return [None] if len(urls) == 1 else [size for url in urls for size in _url_sizes([url])]
 
 
 def _storage(url: str) -> tuple[Any, str]:
-    """fsspec's file system for ``url``, and the path in it; raises InputError where there is none."""
+    """fsspec's file system for ``url``, and the path in it; raises InputError if there is none."""
     try:
         import fsspec
     except ImportError:
@@ -168,13 +168,13 @@ def _storage(url: str) -> tuple[Any, str]:
     try:
         files, path = fsspec.core.url_to_fs(url)
     except (ImportError, ValueError) as error:
-        raise InputError(f"'{url}' cannot be reached: {error}; install what this kind of URL needs") from None
+        raise InputError(f"'{url}' cannot be reached: {error}; install the package for such URLs") from None
     return files, path
 
 
 @contextmanager
 def _failing(kind: type[PinholifyError], what: str) -> Iterator[None]:
-    """One sentence for whatever a storage raises: each has its own errors, most of them no OSError."""
+    """Convert any error of a storage to ``kind``; most storages do not raise OSError."""
     try:
         yield
     except FileNotFoundError:

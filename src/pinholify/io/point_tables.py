@@ -1,4 +1,4 @@
-"""Point tables: the comma-separated points that ``pinholify map`` reads and writes, millions of them."""
+"""Point tables: the CSV files, of up to millions of points, that ``pinholify map`` reads and writes."""
 
 from __future__ import annotations
 
@@ -15,20 +15,19 @@ from pinholify.io.files import TextFile, reading_text, source_name, writing_text
 _CHUNK = 10_000
 
 _PIXEL, _PLANE, _RAY = ["u", "v"], ["x", "y"], ["x", "y", "z"]
-"""What the columns of points are called, wherever they stand."""
+"""Column names of points; the columns may be in any position."""
 
 
 def read_points(
     source: TextFile, *, dimensions: int | None = None, on_unused: Callable[[list[str]], object] | None = None
 ) -> Floats:
-    """The points, of ``dimensions`` numbers, in the table ``source``, a path or an open text stream.
+    """Read points of ``dimensions`` numbers from the table ``source``, a path or an open text stream.
 
-    The first line is a header; every other line is one point, so that rows keep their number and order.
-    Columns are those called x, y (and z), or of pixels u and v, wherever they stand, else the first ones.
-    Without ``dimensions`` there are three where x, y and z are named, or the third column is called ``z``,
-    else two, and none of pixels.
-    ``on_unused`` is called with the names of other columns, if there are any. Returns (N, 2) or (N, 3)
-    float64; ``nan`` stands for a point that does not exist. Raises InputError with the line number.
+    The first line is a header; every other line is one point, so rows keep their number and order. The columns are
+    those named u, v or x, y for two dimensions and x, y, z for three, in any position, otherwise the first ones.
+    Without ``dimensions`` there are three if x, y, z are named or the third column is z, otherwise two, never u, v.
+    ``on_unused`` is called with the names of the other columns, if any. Returns (N, 2) or (N, 3) float64; nan stands
+    for a point that does not exist. Raises InputError, with the line number.
     """
     name = source_name(source)
     with reading_text(source) as stream:
@@ -47,10 +46,10 @@ def read_points(
 
 
 def write_points(target: TextFile, header: Sequence[str], columns: ArrayLike) -> None:
-    """Writes the table of ``columns`` (N, len(header)) to ``target``, a path or an open text stream.
+    """Write the table of ``columns`` (N, len(header)) to ``target``, a path or an open text stream.
 
-    Numbers keep 15 significant digits; what does not exist is ``nan``. Raises ValueError where the
-    header does not fit, and OutputError where the file cannot be written.
+    Numbers keep 15 significant digits; missing values are nan. Raises ValueError if the header does not match, and
+    OutputError if the file cannot be written.
     """
     rows = np.asarray(columns, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] != len(header):
@@ -68,7 +67,7 @@ def _dimensions(names: list[str]) -> int:
 
 
 def _chosen(names: list[str], count: int, named: list[list[str]]) -> list[int]:
-    """Which columns hold the points: the first that are ``named`` so."""
+    """Indices of the columns of points: the first of the ``named`` sets that is present, or the first ``count``."""
     for wanted in named:
         if all(names.count(name) == 1 for name in wanted):
             return [names.index(name) for name in wanted]
@@ -78,7 +77,7 @@ def _chosen(names: list[str], count: int, named: list[list[str]]) -> list[int]:
 def _check_header(name: str, lines: list[str], columns: int) -> None:
     example = "u,v" if columns == 2 else "x,y,z"
     if not lines:
-        raise InputError(f"'{name}' is empty; a header line such as {example} is needed, then a line a point")
+        raise InputError(f"'{name}' is empty; a header line such as {example} is needed, then one line per point")
     fields = lines[0].rstrip("\n").split(",")
     if all(_is_number(field) for field in fields):
         raise InputError(f"'{name}', line 1: numbers where a header such as {example} is needed; add one")
@@ -90,7 +89,7 @@ def _check_header(name: str, lines: list[str], columns: int) -> None:
 
 
 def _points(name: str, lines: list[str], columns: list[int]) -> Floats:
-    """Reads with numpy's own reader; only where it fails, looks for the line to blame."""
+    """Read with NumPy's own reader; only if it fails, look for the line at fault."""
     if not lines:
         return np.empty((0, len(columns)))
     try:
@@ -103,12 +102,12 @@ def _points(name: str, lines: list[str], columns: list[int]) -> Floats:
 
 
 def _blame(name: str, lines: list[str], columns: list[int]) -> InputError:
-    """The error that names the first of ``lines``, the header left out, that is no point."""
+    """The error that names the first of ``lines`` (without the header) that is not a point."""
     for number, line in enumerate(lines, start=2):
         problem = _problem(line, columns)
         if problem:
             return InputError(f"'{name}', line {number}: {problem}")
-    return InputError(f"'{name}' is no table of numbers separated by commas; write it as plain CSV")
+    return InputError(f"'{name}' is not a table of numbers separated by commas; write it as plain CSV")
 
 
 def _problem(line: str, columns: list[int]) -> str:

@@ -1,4 +1,4 @@
-"""Worker processes: how they start, what becomes of their work where one dies, and that Ctrl-C is their parent's."""
+"""Worker processes: starting them, recovering the work of one that dies, and leaving Ctrl-C to their parent."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from pinholify.errors import InputError
 from pinholify.io.threads import one_blas_thread
 
 AHEAD = 2
-"""Items given out to each process: one it works on, one that waits for it."""
+"""Items assigned to each process: one in progress and one waiting."""
 
-DIED = "the process that worked on it died, twice; perhaps for want of memory"
+DIED = "the process that worked on it died twice, perhaps for lack of memory"
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
@@ -27,9 +27,9 @@ _Result = TypeVar("_Result")
 
 @contextmanager
 def interrupts_ignored() -> Iterator[None]:
-    """No Ctrl-C inside; only a program's main thread can say so, others change nothing.
+    """Ignore Ctrl-C inside the block; outside a program's main thread this has no effect.
 
-    Processes that are started inside inherit it: while they start, Ctrl-C is for the parent alone.
+    Processes started inside inherit the setting, so while they start, Ctrl-C reaches only the parent.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -42,7 +42,7 @@ def interrupts_ignored() -> Iterator[None]:
 
 
 def be_a_worker() -> None:
-    """One thread a process, and Ctrl-C left to the parent, which ends the pool."""
+    """Initialise a worker: one thread per process, and Ctrl-C left to the parent, which ends the pool."""
     one_blas_thread()
     import cv2
 
@@ -53,11 +53,11 @@ def be_a_worker() -> None:
 def in_processes(
     function: Callable[[_Item], _Result], items: Sequence[_Item], workers: int, *, died: Callable[[_Item], _Result]
 ) -> Iterator[_Result]:
-    """``function`` of each of ``items``, in the order in which they end, done by so many ``workers``.
+    """Apply ``function`` to ``items`` in ``workers`` processes; yields results in order of completion.
 
-    Where a process dies, the items it may have died of are tried again, each by itself; ``died`` is the result of one
-    that ends its process again. Processes are spawned (a fork after OpenCV has run threads can hang), so a script that
-    asks for them needs the usual ``if __name__ == "__main__":``; InputError where they cannot start.
+    If a process dies, the items that may have caused it are retried one at a time; ``died`` gives the result of an item
+    whose process dies again. Processes are spawned (a fork after OpenCV has run threads can hang), so a script that
+    uses them needs the usual ``if __name__ == "__main__":``. Raises InputError if they cannot start.
     """
     waiting = iter(items)
     suspects: list[_Item] = []
@@ -72,9 +72,9 @@ def in_processes(
 def _until_a_death(
     function: Callable[[_Item], _Result], first: Sequence[_Item], waiting: Iterator[_Item], workers: int
 ) -> Generator[_Result, None, list[_Item]]:
-    """Work on the ``first`` items and, as they end, those ``waiting``. When a process dies: the items it may be for.
+    """Process the ``first`` items and, as they finish, those ``waiting``; returns the suspects when a process dies.
 
-    No more than the ``first`` are given out at a time, so of one there is no doubt.
+    At most ``len(first)`` items are in progress at a time, so with one there is no doubt which caused it.
     """
     lost: list[_Item] = []
     with _pool(workers) as pool:
@@ -93,7 +93,7 @@ def _until_a_death(
 
 def _submit(pool: ProcessPoolExecutor, function: Callable[[_Item], _Result], item: _Item) -> Future[_Result]:
     try:
-        with interrupts_ignored():  # this is when processes start
+        with interrupts_ignored():  # processes start here
             return pool.submit(function, item)
     except BrokenProcessPool as error:
         future: Future[_Result] = Future()
@@ -103,7 +103,7 @@ def _submit(pool: ProcessPoolExecutor, function: Callable[[_Item], _Result], ite
 
 @contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that do start, and that do not begin another item when the block ends early."""
+    """A pool that is known to start, and that begins no further item if the block ends early."""
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=be_a_worker)
     try:
         with interrupts_ignored():

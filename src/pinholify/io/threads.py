@@ -1,4 +1,4 @@
-"""How many threads linear algebra takes."""
+"""The number of threads of linear algebra."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def one_blas_thread() -> None:
-    """Let linear algebra run in one thread, unless the environment says otherwise; to be called before NumPy loads.
+    """Run linear algebra in one thread, unless the environment says otherwise; call it before NumPy is imported.
 
-    The matrices here are small: more threads cost more than they bring, and where several processes each start as many
-    as there are processors, they wait for one another most of the time.
+    The matrices here are small: more threads cost more than they gain, and several processes that each start one thread
+    per processor spend most of their time waiting for one another.
     """
     for variable in VARIABLES:
         os.environ.setdefault(variable, "1")

@@ -49,7 +49,7 @@ def test_every_format(run, tmp_path, name):
     assert sorted(tmp_path.iterdir()) == sorted(form.files(path))
     what = "view 'camera'" if form.of_view else "the camera"
     assert out == f"wrote {' and '.join(p.name for p in form.files(path))}: {what} for {name}\n"
-    assert "% of the view shows nothing that may be believed" in err or not form.of_view
+    assert "% of the view shows nothing that can be trusted" in err or not form.of_view
     assert form.lost in err
 
 
@@ -94,7 +94,7 @@ def test_k_is_that_of_the_pictures_made_with_the_command_it_states(run, camera, 
 
 @pytest.mark.parametrize("options", [("--fov", "30"), ("--turn", "40")])
 def test_what_lies_outside_the_view_is_said(run, options):
-    share = r"note: \d+\.\d% of what may be believed of the original image lies outside the view\n"
+    share = r"note: \d+\.\d% of the trusted part of the original image lies outside the view\n"
     assert re.search(share, run("--format", "ros", *options, "-o", "a.yaml")[2])
     assert not re.search(share, run("--format", "ros", "-o", "b.yaml")[2])
 
@@ -131,10 +131,10 @@ def test_unknown_formats_are_wrong_usage(run):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--format", "ros", "-o", "a.txt"), "ends in '.txt' where this format ends in .yaml or .yml"),
+        (("--format", "ros", "-o", "a.txt"), "ends in '.txt', but files of this format end in .yaml or .yml"),
         (("--format", "ros", "-o", "no/a.yaml"), "its folder does not exist"),
-        (("--format", "mrcal-splined", "--size", "96x72", "-o", "a.cameramodel"), "leave the size out"),
-        (("--format", "mrcal-splined", "--keep", "valid", "-o", "a.cameramodel"), "all that they show"),
+        (("--format", "mrcal-splined", "--size", "96x72", "-o", "a.cameramodel"), "omit size, fov and keep"),
+        (("--format", "mrcal-splined", "--keep", "valid", "-o", "a.cameramodel"), "omit size, fov and keep"),
         (("--format", "ros", "--fov", "40", "--turn", "180", "-o", "a.yaml"), "looks away from everything"),
         (("--format", "ros", "--fov", "40", "--keep", "valid", "-o", "a.yaml"), "cannot both be given"),
         (("--format", "npy", "--size", "40000x10", "-o", "a.npy"), "choose a smaller size"),

@@ -183,8 +183,8 @@ def test_mrcal_splined_over_the_whole_image(name, tmp_path):
     centre = np.array(lens.size) / 2.0
     foreign = ForeignCamera("file", "simulation", name, lens.project, np.full(2, 500.0), centre, lens.size)
     said = export_view(adopt(foreign).calibration.camera, "mrcal-splined", tmp_path / "a.cameramodel")
-    assert "where it may be believed" in said[0]
-    assert not any("may not be believed" in sentence for sentence in said)
+    assert "where it can be trusted" in said[0]
+    assert not any("cannot be trusted" in sentence for sentence in said)
     uv = np.random.default_rng(3).uniform(0, np.array(lens.size) - 1, (500, 2))
     _, rays = mrcal(tmp_path / "a.cameramodel", [[0.0, 0.0, 1.0]], uv)
     assert np.abs(lens.project(rays) - uv).max() < SPLINE_TOLERANCE
@@ -213,19 +213,19 @@ def test_mrcal_splined_says_what_it_is(written, export):
     np.testing.assert_array_equal(region[0], region[-1])
     assert export.camera.domain.hull.contains(region, margin=1.0).all()
     assert ConvexRegion(region[:-1]).area > 0.95 * export.camera.domain.hull.area
-    assert "% of the image may not be believed" in text
-    assert "nothing is to be straightened" in text
+    assert "% of the image cannot be trusted" in text
+    assert "do not straighten them first" in text
 
 
 def test_a_size_is_refused_for_the_camera_itself(tilted_camera, tmp_path):
-    with pytest.raises(InputError, match="leave the size out"):
+    with pytest.raises(InputError, match="omit size, fov and keep"):
         export_view(tilted_camera, "mrcal-splined", tmp_path / "a.cameramodel", size=SIZE)
     assert not list(tmp_path.iterdir())
 
 
 def test_too_little_to_fit_a_spline_to_is_refused(export):
     few = replace(export.camera, domain=Domain(ConvexRegion(np.array([[300.0, 200], [304, 200], [304, 204]]))))
-    with pytest.raises(CalibrationError, match="too little of the image may be believed"):
+    with pytest.raises(CalibrationError, match="too little of the image can be trusted"):
         splined_model(replace(export, camera=few))
 
 
@@ -355,8 +355,8 @@ def test_a_limit_of_the_std_is_stated_and_kept(tilted_camera):
 def test_losses_are_told(tilted_camera, export, tmp_path):
     lost = export_view(tilted_camera, "ros", tmp_path / "a.yaml", "camera", size=SIZE)
     share = 1.0 - export.rectification.valid.mean()
-    assert lost[0] == f"{share:.1%} of the view shows nothing that may be believed and is black in its images"
-    assert "no room for the maps" in lost[-1]
+    assert lost[0] == f"{share:.1%} of the view shows nothing that can be trusted and is black in its images"
+    assert "cannot hold the maps" in lost[-1]
 
 
 def test_a_view_too_narrow_for_all_says_so(export):
@@ -366,14 +366,14 @@ def test_a_view_too_narrow_for_all_says_so(export):
     cut = type(export.rectification)(left_half, export.rectification.uv[:, : SIZE[0] // 2], export.rectification.valid)
     sentences = type(export)(export.camera, "camera", None, cut).losses()
     assert len(export.losses()) == 1
-    assert sentences[-1].endswith("of what may be believed of the original image lies outside the view")
+    assert sentences[-1].endswith("of the trusted part of the original image lies outside the view")
     assert 35.0 < float(sentences[-1].split("%")[0]) < 65.0
 
 
 def test_unknown_formats_and_endings_are_refused(tilted_camera, tmp_path):
-    with pytest.raises(InputError, match="'agisoft' is no export format; the formats are: colmap, "):
+    with pytest.raises(InputError, match="unknown export format 'agisoft': choose one of colmap, "):
         export_view(tilted_camera, "agisoft", tmp_path / "a.xml")
-    with pytest.raises(OutputError, match=r"ends in '.txt' where this format ends in .yaml or .yml"):
+    with pytest.raises(OutputError, match=r"ends in '.txt', but files of this format end in .yaml or .yml"):
         export_view(tilted_camera, "ros", tmp_path / "a.txt")
     assert not list(tmp_path.iterdir())
 

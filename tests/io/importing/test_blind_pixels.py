@@ -143,7 +143,7 @@ def test_map_says_nan(lens, tmp_path, capsys):
     out, err = capsys.readouterr()
     rows = out.splitlines()[1:]
     assert [row.startswith("nan") for row in rows] == [True, False, True, True]
-    assert "3 of 4 points have no answer" in err
+    assert "3 of 4 points have no result" in err
 
 
 @pytest.mark.parametrize("max_std", [None, 1.0])

@@ -1,7 +1,7 @@
-"""Exports: a calibrated camera, or an ideal pinhole view of it, written as other programs' own calibration files.
+"""Exports: a calibrated camera, or an ideal pinhole view of it, written as another program's calibration file.
 
-A format is a module of this package that holds one :class:`pinholify.io.export.base.Format` called ``FORMAT``, and one
-line in :data:`FORMATS`. Modules are loaded when their format is asked for.
+A format is a module of this package that defines a :class:`pinholify.io.export.base.Format` called ``FORMAT``, and one
+line in :data:`FORMATS`. Modules are imported only when their format is used.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ FORMATS = {
     "mrcal": "mrcal .cameramodel, LENSMODEL_PINHOLE",
     "mrcal-splined": "mrcal .cameramodel of the camera itself, LENSMODEL_SPLINED_STEREOGRAPHIC",
     "nerfstudio": "nerfstudio transforms.json",
-    "npy": "NumPy array of the maps alone",
-    "opencv": "OpenCV FileStorage, YAML or XML, and its maps for remap",
+    "npy": "NumPy array of the maps only",
+    "opencv": "OpenCV FileStorage, YAML or XML, and maps for cv2.remap",
     "ros": "ROS camera_info YAML",
 }
-"""Every format by its name, with what it is."""
+"""Name of each format → its description."""
 
 
 def format_named(name: str) -> Format:
-    """The format called ``name``; raises InputError for one that is not known."""
+    """The format called ``name``; raises InputError if it is unknown."""
     if name not in FORMATS:
-        raise InputError(f"'{name}' is no export format; the formats are: {', '.join(FORMATS)}")
+        raise InputError(f"unknown export format '{name}': choose one of {', '.join(FORMATS)}")
     module = importlib.import_module(f"pinholify.io.export.{name.replace('-', '_')}")
     found: Format = module.FORMAT
     return found

@@ -1,4 +1,4 @@
-"""What is exported, and what a format is."""
+"""The pinhole view that is exported, and the interface of an export format."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from pinholify.rectification.surfaces import Plane
 from pinholify.rectification.views import STRAIGHT_ON, View, YawPitchRoll, share_outside
 
 OUTSIDE = -1.0
-"""px; where maps for other programs point when a pixel of the view shows nothing that may be believed."""
+"""px; the value in other programs' maps for pixels of the view that show nothing that can be trusted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PinholeExport:
-    """An ideal pinhole view of a camera and the maps that make its images.
+    """An ideal pinhole view of a camera, and the maps that make its images.
 
-    ``view_name``, ``turn``, ``fov``, ``keep`` and ``max_std`` are what ``pinholify undistort`` must be told to make the
-    same images.
+    ``view_name``, ``turn``, ``fov``, ``keep`` and ``max_std`` are the options with which ``pinholify undistort`` makes
+    the same images.
     """
 
     camera: VirtualCamera
@@ -52,23 +52,23 @@ class PinholeExport:
 
     @property
     def maps(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Columns and rows of the original image for every pixel of the view (h, w) float32, −1 where not valid."""
+        """Columns and rows, each (h, w) float32, of the original image for every pixel of the view; −1 if not valid."""
         uv = np.where(self.rectification.valid[:, :, None], self.rectification.uv, np.float32(OUTSIDE))
         return np.ascontiguousarray(uv[:, :, 0]), np.ascontiguousarray(uv[:, :, 1])
 
     @property
     def statement(self) -> tuple[str, ...]:
-        """Which view this is and how its images are made: plain ASCII lines, without apostrophes, for a comment."""
+        """Lines for a comment, plain ASCII without apostrophes, on which view this is and how to make its images."""
         return (
             f'The ideal pinhole view "{self.view_name}" of a camera calibrated by pinholify: no distortion.',
-            "It is true of straightened images, not of those the camera takes; make them with: pinholify undistort "
+            "It describes straightened images, not those that the camera takes; make them with: pinholify undistort "
             f"CAMERA IMAGES {self.options} -o FOLDER",
             f"Rotation to the view from the frame of the reference board, row by row: {numbers(self.view.rotation)}",
         )
 
     @property
     def options(self) -> str:
-        """The view as ``pinholify undistort`` is told of it."""
+        """The view as options of ``pinholify undistort``."""
         width, height = self.view.size
         words = [f"--view {self.view_name} --size {width}x{height}"]
         if self.turn != STRAIGHT_ON:
@@ -82,14 +82,14 @@ class PinholeExport:
         return " ".join(words)
 
     def losses(self) -> list[str]:
-        """Sentences about what the view leaves out; empty where it shows all that may be believed."""
+        """Sentences on what the view leaves out; empty if it shows everything that can be trusted."""
         empty = 1.0 - float(self.rectification.valid.mean())
         unseen = share_outside(self.camera, self.view, self.max_std)
         sentences = []
         if empty >= 0.0005:
-            sentences.append(f"{empty:.1%} of the view shows nothing that may be believed and is black in its images")
+            sentences.append(f"{empty:.1%} of the view shows nothing that can be trusted and is black in its images")
         if unseen >= 0.0005:
-            sentences.append(f"{unseen:.1%} of what may be believed of the original image lies outside the view")
+            sentences.append(f"{unseen:.1%} of the trusted part of the original image lies outside the view")
         return sentences
 
 
@@ -106,11 +106,11 @@ def pinhole_export(
     """The flat view of ``camera`` called ``view_name``, ready for any format.
 
     Options are those of :class:`pinholify.rectification.straightener.Straightener`. Raises InputError for a view that
-    is unknown or not flat and too large a size, CalibrationError for a view that shows nothing.
+    is unknown or not flat, or a size that is too large, and CalibrationError for a view that shows nothing.
     """
     view = Straightener(camera, view_name, size, max_std=max_std, turn=turn, fov=fov, keep=keep).view
     if not isinstance(view.surface, Plane):
-        raise InputError(f"the view '{view_name}' is no pinhole camera, which is what is exported; choose a flat view")
+        raise InputError(f"the view '{view_name}' is not a pinhole camera and cannot be exported; choose a flat view")
     rectification = rectification_map(camera, view, max_std=max_std)
     return PinholeExport(camera, view_name, max_std, rectification, turn, fov, keep)
 
@@ -119,10 +119,10 @@ def pinhole_export(
 class Format:
     """One export format.
 
-    ``write`` makes the files from an export and the path the user gave, and may return sentences about what it found;
-    ``files`` tells beforehand which files they are. ``suffixes`` are the endings that path may have, the usual one
-    first. ``lost`` says what of the export the format cannot hold, or is empty. Where ``of_view`` is false the format
-    holds the camera itself, and of the view only its frame.
+    ``write`` writes an export to the path given by the user, and may return sentences on what it found; ``files`` lists
+    the files it will write for that path. ``suffixes`` are the endings that the path may have, the usual one first.
+    ``lost`` is a sentence on what the format cannot represent, or empty. If ``of_view`` is false, the format describes
+    the camera itself, and the view only determines its frame.
     """
 
     suffixes: tuple[str, ...]
@@ -132,10 +132,10 @@ class Format:
     of_view: bool = True
 
     def check_path(self, path: Path) -> None:
-        """Raise OutputError where ``path`` has an ending by which nobody would know the format."""
+        """Raise OutputError if the ending of ``path`` is not one of the format's."""
         if path.suffix.lower() not in self.suffixes:
             raise OutputError(
-                f"'{path}' ends in '{path.suffix}' where this format ends in {' or '.join(self.suffixes)}; "
+                f"'{path}' ends in '{path.suffix}', but files of this format end in {' or '.join(self.suffixes)}; "
                 "choose such a name"
             )
 
@@ -154,36 +154,34 @@ def export_view(
 ) -> list[str]:
     """Write the view of ``camera`` called ``view_name`` to ``path`` in the format called ``format_name``.
 
-    Options are those of :func:`pinhole_export`. Files that are there are replaced. Returns a sentence for everything
-    that the view or the format leaves out. Raises InputError, CalibrationError, or OutputError where a file cannot be
-    written.
+    Options are those of :func:`pinhole_export`. Existing files are replaced. Returns one sentence for each thing that
+    the view or the format leaves out. Raises InputError, CalibrationError, or OutputError if a file cannot be written.
     """
     form = format_named(format_name)
     form.check_path(Path(path))
     if not form.of_view and not (size is None and fov is None and keep == "all"):
         raise InputError(
-            f"'{format_name}' is of the camera's own images, all that they show; leave the size out, as well as the "
-            "field of view and what to keep"
+            f"'{format_name}' describes the camera's own images as a whole; omit size, fov and keep"
         )
     export = pinhole_export(camera, view_name, size=size, max_std=max_std, turn=turn, fov=fov, keep=keep)
     found = form.write(export, Path(path)) or []
     return [*found, *(export.losses() if form.of_view else []), *([form.lost] if form.lost else [])]
 
 
-NO_MAPS = "the format has no room for the maps: it is true of images that 'pinholify undistort' made of this view"
-"""What formats for K alone lose."""
+NO_MAPS = "the format cannot hold the maps: it describes images that 'pinholify undistort' made of this view"
+"""What formats that only hold K lose."""
 
 
-def beside(path: Path, ending: str) -> Path:
-    """``path`` with ``ending`` put before its suffix."""
+def sibling(path: Path, ending: str) -> Path:
+    """``path`` with ``ending`` inserted before its suffix."""
     return path.with_name(f"{path.stem}{ending}{path.suffix}")
 
 
 def numbers(values: Floats) -> str:
-    """All ``values``, in full precision, separated by commas."""
+    """All ``values`` in full precision, separated by commas."""
     return ", ".join(repr(float(v)) for v in np.ravel(values))
 
 
 def commented(lines: tuple[str, ...]) -> str:
-    """``lines`` behind the # of YAML and plain text files."""
+    """``lines`` as comments of YAML and plain text files, which begin with #."""
     return "".join(f"# {line}\n" for line in lines)

@@ -1,4 +1,4 @@
-"""COLMAP's cameras.txt (https://colmap.github.io/cameras.html), read by ``colmap`` and pycolmap.
+"""COLMAP's cameras.txt (https://colmap.github.io/cameras.html), read by COLMAP and pycolmap.
 
 COLMAP's origin is the outer corner of the top-left pixel, so the principal point moves by half a pixel.
 """
@@ -15,13 +15,13 @@ COLUMNS = ("CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]",)
 
 
 def write(export: PinholeExport, path: Path) -> None:
-    """Camera 1, model PINHOLE: fx, fy, cx, cy."""
+    """Write camera 1, model PINHOLE: fx, fy, cx, cy."""
     fx, fy, cx, cy = export.intrinsics
     write_model(export, path, "PINHOLE", (fx, fy, cx + HALF, cy + HALF))
 
 
 def write_model(export: PinholeExport, path: Path, model: str, parameters: tuple[float, ...]) -> None:
-    """Camera 1 of the given model and parameters, in COLMAP's own convention."""
+    """Write camera 1 with the given model and parameters, which follow COLMAP's own convention."""
     width, height = export.view.size
     with writing_text(path) as stream:
         stream.write(commented((*export.statement, *COLUMNS)))

@@ -1,4 +1,4 @@
-"""COLMAP's cameras.txt with one focal length, as a view of ours has: nothing is lost against PINHOLE."""
+"""COLMAP's cameras.txt with a single focal length; nothing is lost against PINHOLE, because views have fx = fy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pinholify.io.export.colmap import HALF, write_model
 
 
 def write(export: PinholeExport, path: Path) -> None:
-    """Camera 1, model SIMPLE_PINHOLE: f, cx, cy."""
+    """Write camera 1, model SIMPLE_PINHOLE: f, cx, cy."""
     f, _, cx, cy = export.intrinsics
     write_model(export, path, "SIMPLE_PINHOLE", (f, cx + HALF, cy + HALF))
 

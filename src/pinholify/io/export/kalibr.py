@@ -1,4 +1,4 @@
-"""Kalibr's camchain YAML (https://github.com/ethz-asl/kalibr/wiki/yaml-formats). Pixels are ours."""
+"""Kalibr's camchain YAML (https://github.com/ethz-asl/kalibr/wiki/yaml-formats), with the same pixel convention."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pinholify.io.files import writing_text
 
 
 def write(export: PinholeExport, path: Path) -> None:
-    """cam0: model pinhole [fu, fv, pu, pv], distortion radtan with four zeros."""
+    """Write cam0: model pinhole [fu, fv, pu, pv], distortion radtan with four zeros."""
     width, height = export.view.size
     lines = (
         "cam0:",

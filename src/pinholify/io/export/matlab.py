@@ -1,7 +1,7 @@
 """MATLAB's .mat (version 5): arguments of ``cameraIntrinsics`` and maps for ``interp2``.
 
-MATLAB counts from one: the centre of the top-left pixel is (1, 1), and so are all pixels here. Matrices stand as in
-the textbook (the principal point in the last column).
+MATLAB counts from one: the centre of the top-left pixel is (1, 1), in K and in the maps. Matrices have the textbook
+form, with the principal point in the last column.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ONE = 1.0  # px from our (0, 0) to MATLAB's (1, 1)
 
 
 def write(export: PinholeExport, path: Path) -> None:
-    """``K``, ``FocalLength``, ``PrincipalPoint``, ``ImageSize`` (rows, columns), ``map_x``, ``map_y``, ``valid``, …"""
+    """Write intrinsics (``ImageSize`` is rows, columns), ``rotation``, ``map_x``, ``map_y`` and ``valid``."""
     from scipy.io import savemat
 
     fx, fy, cx, cy = export.intrinsics

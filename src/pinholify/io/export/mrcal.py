@@ -1,7 +1,7 @@
-"""mrcal's .cameramodel (https://mrcal.secretsauce.net/cameramodels.html): a Python literal. Pixels are ours.
+"""mrcal's .cameramodel (https://mrcal.secretsauce.net/cameramodels.html), a Python literal; same pixel convention.
 
-The reference frame of ``extrinsics`` (rt_cam_ref: a rotation vector, then a translation) is that of our reference
-board, so models of several views of one camera stand to each other as they should.
+The reference frame of ``extrinsics`` (rt_cam_ref: a rotation vector, then a translation) is that of the reference
+board, so models of several views of one camera have the correct relative orientation.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pinholify.io.files import writing_text
 
 
 def write(export: PinholeExport, path: Path) -> None:
-    """LENSMODEL_PINHOLE: fx, fy, cx, cy."""
+    """Write LENSMODEL_PINHOLE: fx, fy, cx, cy."""
     width, height = export.view.size
     turn = Rotation.from_matrix(export.view.rotation).as_rotvec()
     lines = (

@@ -1,9 +1,9 @@
-"""mrcal's .cameramodel with LENSMODEL_SPLINED_STEREOGRAPHIC: the camera itself, no view of it.
+"""mrcal's .cameramodel with LENSMODEL_SPLINED_STEREOGRAPHIC: the camera itself instead of a view.
 
-mrcal's spline moves the stereographic point u of a ray; with fx, fy, cx, cy at their best straight line, its control
-points follow from rays and pixels of ours by one linear solve (https://mrcal.secretsauce.net/lensmodels.html). It is
-made finer until it repeats the camera. The camera's frame is the view's, as in the pinhole models of the ``mrcal``
-format, so these and the camera stand to each other as they should.
+mrcal's spline displaces the stereographic point u of a ray. With fx, fy, cx, cy from a straight-line fit, its control
+points follow from rays and their pixels by one linear solve (https://mrcal.secretsauce.net/lensmodels.html). The
+spline is refined until it reproduces the camera. Its frame is that of the view, as in the pinhole models of the
+``mrcal`` format, so both have the correct relative orientation.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from pinholify.splines import SplineSurface, fitted, rounded_up, worst_places
 
 ORDER = 3
 COLUMNS = (16, 24, 36, 54, 80)
-"""Control points across, as many as are needed."""
+"""Numbers of control points across, tried in this order."""
 
-TOLERANCE = 0.01  # px at most between the camera and the spline, at which a finer one is not tried
-SAMPLES = 3  # pixels a control point and axis
+TOLERANCE = 0.01  # px; largest error of the spline below which no finer one is tried
+SAMPLES = 3  # pixels per control point and axis
 BORDER = 500  # pixels along the border
-WIDEST = np.cos(np.deg2rad(172.0))  # straight behind, the stereographic plane ends
+WIDEST = np.cos(np.deg2rad(172.0))  # the stereographic plane ends straight behind
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SplinedModel:
     """LENSMODEL_SPLINED_STEREOGRAPHIC: ``core`` (4,) fx, fy, cx, cy px, ``surface`` over u, ``fov_x`` whole degrees.
 
-    ``rms_px`` and ``largest_px`` are its distances to the camera where that may be believed, ``region`` (n, 2) px the
-    hull of this part of the image, ``left_out`` the share of the image that is no part of it.
+    ``rms_px`` and ``largest_px`` are its errors where the camera can be trusted, ``region`` (n, 2) px is the hull of
+    that part of the image, and ``left_out`` is the share of the image outside it.
     """
 
     core: Floats
@@ -59,20 +59,20 @@ class SplinedModel:
 
     @property
     def sentences(self) -> list[str]:
-        """What a user should know of the fit, and what it leaves out."""
+        """Sentences on the fit error, and on what the model leaves out."""
         rows, columns, _ = self.surface.control.shape
-        fit = f"{columns}x{rows} control points repeat the camera to {self.rms_px:.2g} px rms"
-        sentences = [f"{fit}, {rounded_up(self.largest_px)} px at most, where it may be believed"]
+        fit = f"{columns}x{rows} control points reproduce the camera to {self.rms_px:.2g} px RMS"
+        sentences = [f"{fit}, {rounded_up(self.largest_px)} px at most, where it can be trusted"]
         if self.left_out >= 0.0005:
             sentences.append(
-                f"{self.left_out:.1%} of the image may not be believed: the model goes on smoothly there, outside its "
-                "valid_intrinsics_region"
+                f"{self.left_out:.1%} of the image cannot be trusted: there, outside its "
+                "valid_intrinsics_region, the model extrapolates smoothly"
             )
-        return [*sentences, "the format has no room for standard deviations without mrcal's own optimization inputs"]
+        return [*sentences, "the format cannot hold standard deviations without mrcal's own optimization inputs"]
 
 
 def splined_model(export: PinholeExport) -> SplinedModel:
-    """The spline of ``export``'s camera; raises CalibrationError where too little of the image may be believed."""
+    """Fit the spline to the camera of ``export``; raises CalibrationError if too little of the image can be trusted."""
     for columns in COLUMNS:
         model = _fit(export, columns)
         if model.largest_px < TOLERANCE:
@@ -87,7 +87,7 @@ def _fit(export: PinholeExport, columns: int) -> SplinedModel:
     seen: Bools = np.asarray(np.isfinite(directions).all(axis=1))
     share = float(seen[: len(grid)].mean())
     if share * len(grid) < ORDER**2:
-        raise CalibrationError("too little of the image may be believed to fit a spline to; allow more with --max-std")
+        raise CalibrationError("too little of the image can be trusted to fit a spline; allow a larger max_std")
     uv, u = places[seen], stereographic_plane(directions[seen])
     core = _core(u, uv)
     empty, fov_x = _empty(np.abs(u).max(axis=0), columns)
@@ -97,12 +97,12 @@ def _fit(export: PinholeExport, columns: int) -> SplinedModel:
 
 
 def _errors(export: PinholeExport, project: Projection, columns: int) -> tuple[float, float]:
-    """Distances of ``project`` to the camera, px, where that may be believed: rms, and the largest of all pixels'."""
+    """RMS and largest error of ``project``, in px, where the camera can be trusted."""
 
     def errors_at(uv: Floats) -> Floats:
         return np.asarray(np.linalg.norm(project(_directions(export, uv)) - uv, axis=1))
 
-    count = SAMPLES * columns + 1  # between the places of the fit
+    count = SAMPLES * columns + 1  # between the samples of the fit
     grid = _grid(export, count)
     errors = errors_at(grid)
     worst = errors_at(worst_places(errors_at, grid, max(export.camera.image_size) / count))
@@ -110,21 +110,21 @@ def _errors(export: PinholeExport, project: Projection, columns: int) -> tuple[f
 
 
 def _grid(export: PinholeExport, count: int) -> Floats:
-    """Pixels all over the image (n, 2), ``count`` along the longer side."""
+    """A grid of pixels (n, 2) over the image, ``count`` along the longer side."""
     size = export.camera.image_size
     sides = [np.linspace(0.0, n - 1.0, max(8, round(count * n / max(size)))) for n in size]
     return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
 
 
 def _border(export: PinholeExport) -> Floats:
-    """Pixels (n, 2) along the border of the domain's hull: a spline without data there flies off beyond the grid's."""
+    """Pixels (n, 2) along the border of the domain's hull, beyond the grid, where a spline without data diverges."""
     hull = export.camera.domain.hull.vertices
     along = np.linspace(0.0, 1.0, 1 + BORDER // len(hull), endpoint=False)[:, None, None]
     return np.asarray((hull + along * (np.roll(hull, -1, axis=0) - hull)).reshape(-1, 2))
 
 
 def _directions(export: PinholeExport, uv: Floats) -> Floats:
-    """Directions (n, 3) of pixels in the view; nan where they may not be believed, and straight behind."""
+    """Directions (n, 3), in the view's frame, of pixels; nan where they cannot be trusted, and straight behind."""
     camera, directions = export.camera, np.full((len(uv), 3), np.nan)
     known = valid_pixels(camera, uv, export.max_std)
     directions[known] = camera.chart.directions(camera.plane_map.value(uv[known])) @ export.view.rotation.T
@@ -133,13 +133,13 @@ def _directions(export: PinholeExport, uv: Floats) -> Floats:
 
 
 def _core(u: Floats, uv: Floats) -> Floats:
-    """fx, fy, cx, cy (4,) of the straight lines through u and pixels; what is left is the spline's."""
+    """fx, fy, cx, cy (4,) of straight lines fitted to u and pixels; the residual is left to the spline."""
     lines = [np.linalg.lstsq(homogeneous(u[:, axis, None]), uv[:, axis], rcond=None)[0] for axis in (0, 1)]
     return np.array(lines).T.ravel()
 
 
 def _empty(widest: Floats, columns: int) -> tuple[SplineSurface, int]:
-    """A surface without content whose patches reach to ``widest`` (2,) from the axis, and its whole degrees across."""
+    """A zero surface whose patches reach ``widest`` (2,) from the axis, and its field of view in whole degrees."""
     fov_x = int(np.ceil(np.rad2deg(4.0 * np.arctan(widest[0] / 2.0))))
     spacing, _ = knots(ORDER, columns, columns, fov_x)
     rows = max(ORDER + 1, int(np.ceil(2.0 * widest[1] / spacing)) + ORDER)
@@ -148,7 +148,7 @@ def _empty(widest: Floats, columns: int) -> tuple[SplineSurface, int]:
 
 
 def write(export: PinholeExport, path: Path) -> list[str]:
-    """fx, fy, cx, cy and the control points, row by row, x and y of each in turn."""
+    """Write fx, fy, cx, cy and the control points, row by row, x and y of each; returns sentences on the fit."""
     model = splined_model(export)
     width, height = export.camera.image_size
     turn = Rotation.from_matrix(export.view.rotation).as_rotvec()
@@ -167,6 +167,6 @@ def write(export: PinholeExport, path: Path) -> list[str]:
     return model.sentences
 
 
-STATEMENT = "A camera calibrated by pinholify, as its own images show it: nothing is to be straightened before."
+STATEMENT = "A camera calibrated by pinholify; it describes the original images: do not straighten them first."
 
 FORMAT = Format((".cameramodel",), write, of_view=False)

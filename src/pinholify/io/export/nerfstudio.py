@@ -1,7 +1,7 @@
 """nerfstudio's transforms.json (https://docs.nerf.studio/quickstart/data_conventions.html).
 
-Its rays go through pixel centres at half-integers, so the principal point moves by half a pixel as for COLMAP. The
-list of frames is empty: the poses of photographs are what structure from motion is to find.
+Pixel centres are at half-integers, so the principal point moves by half a pixel, as for COLMAP. The list of frames is
+empty: finding the poses of the photographs is the task of structure from motion.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ HALF = 0.5  # px from the corner of the top-left pixel to its centre
 
 
 def write(export: PinholeExport, path: Path) -> None:
-    """Model OPENCV with zero distortion, shared by all frames."""
+    """Write model OPENCV with zero distortion, shared by all frames."""
     fx, fy, cx, cy = export.intrinsics
     width, height = export.view.size
     data = {
@@ -36,4 +36,4 @@ def write(export: PinholeExport, path: Path) -> None:
         stream.write("\n")
 
 
-FORMAT = Format((".json",), write, f"{NO_MAPS}; its list of frames is empty, to be filled with the photographs' poses")
+FORMAT = Format((".json",), write, f"{NO_MAPS}; its list of frames is empty: add the photographs and their poses")

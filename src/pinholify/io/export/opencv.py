@@ -1,7 +1,7 @@
 """OpenCV's FileStorage, YAML or XML by the ending: OUT with K, and OUT-maps with the maps for ``cv2.remap``.
 
-Keys of OUT are those of OpenCV's own calibration samples. Maps are kept in base64, or a 4K view would be 150 MB of
-digits.
+The keys of OUT are those of OpenCV's own calibration samples. Maps are stored as base64, because a 4K view would take
+150 MB of digits.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pinholify.io.export.base import Format, PinholeExport, beside
+from pinholify.io.export.base import Format, PinholeExport, sibling
 from pinholify.io.files import atomic_path
 
 
 def write(export: PinholeExport, path: Path) -> None:
-    """K and zero distortion into ``path``, maps into the file beside it."""
+    """Write K and zero distortion to ``path``, and the maps to a file next to it."""
     width, height = export.view.size
     model = {
         "image_width": width,
@@ -32,14 +32,14 @@ def write(export: PinholeExport, path: Path) -> None:
 
 
 def files(path: Path) -> tuple[Path, Path]:
-    """The two files that are written when the user says ``path``."""
-    return path, beside(path, "-maps")
+    """The two files that are written for ``path``."""
+    return path, sibling(path, "-maps")
 
 
 def _write_storage(path: Path, entries: dict[str, object], *, base64: bool = False) -> None:
     import cv2
 
-    # In memory first: a storage on a disk that is full says nothing and leaves half a file.
+    # In memory first: on a full disk FileStorage reports nothing and leaves half a file.
     mode = cv2.FILE_STORAGE_WRITE_BASE64 if base64 else cv2.FILE_STORAGE_WRITE
     storage = cv2.FileStorage(path.suffix.lower(), mode | cv2.FILE_STORAGE_MEMORY)
     for name, value in entries.items():

@@ -1,6 +1,7 @@
 """ROS camera_info YAML, as camera_calibration_parsers and image_pipeline read it (REP 104).
 
-Pixels are ours. K and P are those of the view, R is the identity: images of the view are rectified already.
+The pixel convention is the same. K and P are those of the view; R is the identity, because images of the view are
+already rectified.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pinholify.io.files import writing_text
 
 
 def write(export: PinholeExport, path: Path) -> None:
-    """One camera, distortion model plumb_bob with five zeros."""
+    """Write one camera, distortion model plumb_bob with five zeros."""
     width, height = export.view.size
     matrix = export.view.matrix
     parts = [

@@ -1,7 +1,7 @@
-"""Imports: cameras that other programs calibrated become ours, so that every command works with them.
+"""Imports: cameras calibrated by other programs, converted so that every command works with them.
 
-A program is a module of this package with a function ``cameras`` that reads its file and one line in :data:`PROGRAMS`.
-Files are not trusted: they are read as data, never run, and what is not understood is refused.
+A program is a module of this package with a function ``cameras`` that reads its file, and one line in :data:`PROGRAMS`.
+Files are not trusted: they are read as data and never executed, and what is not understood is refused.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PROGRAMS = {
     "ros": "camera_info YAML",
     "opencv": "FileStorage, YAML or XML",
 }
-"""Every program by its name, with what is read of it."""
+"""Name of each program → the kind of file that is read."""
 
 Reader: TypeAlias = "Callable[[Foreign], Mapping[str, ForeignCamera]]"
 
@@ -35,12 +35,12 @@ def read_foreign(
     image_size: tuple[int, int] | None = None,
     fisheye: bool | None = None,
 ) -> ForeignCamera:
-    """The camera that another program wrote to ``path``.
+    """Read the camera that another program wrote to ``path``.
 
-    ``program`` is one of :data:`PROGRAMS`, recognised by the content where it is None. ``camera`` names one of several
-    in the file. ``image_size`` (width, height) px is for files that do not tell it, ``fisheye`` for those that do not
-    tell which of OpenCV's two models of four coefficients they mean. Raises CameraFileError with what is missing or
-    not understood.
+    ``program`` is one of :data:`PROGRAMS`; None recognises it by the content. ``camera`` names one of several cameras
+    in the file. ``image_size`` (width, height) px is for files that do not contain it, ``fisheye`` for files that do
+    not say which of OpenCV's two models with four coefficients they use. Raises CameraFileError, which says what is
+    missing or not understood.
     """
     from pinholify.io.importing.base import foreign_file
 
@@ -50,7 +50,7 @@ def read_foreign(
     cameras = reader(foreign)
     if camera is None and len(cameras) > 1:
         raise CameraFileError(
-            f"'{foreign.name}' holds {len(cameras)} cameras; choose one of {', '.join(cameras)} with --camera"
+            f"'{foreign.name}' holds {len(cameras)} cameras; name the one to import: {' or '.join(cameras)}"
         )
     chosen = next(iter(cameras)) if camera is None else camera
     if chosen not in cameras:

@@ -1,7 +1,7 @@
-"""Another program's camera made ours: its map of the image, pixel by pixel, carried by a spline.
+"""Conversion of another program's camera: the map from its pixels to rays, represented by a spline.
 
-Any lens that can be projected is taken in alike: its projection is inverted numerically where it is one to one, from
-the axis outwards, and the spline is made finer until it repeats the lens.
+Every lens model is treated in the same way: its projection is inverted numerically where it is one to one, from the
+axis outwards, and the spline is refined until it reproduces the lens.
 """
 
 from __future__ import annotations
@@ -23,34 +23,37 @@ from pinholify.gp.maps import newton_inverse
 from pinholify.io.importing.base import ForeignCamera
 from pinholify.splines import SplineMap, SplineSurface, fitted, worst_places
 
-TOLERANCE = 1e-3  # px between their camera and ours at which a finer spline is not tried
+TOLERANCE = 1e-3  # px; largest error of the spline below which no finer one is tried
 WORST = 0.05
-"""px of error beyond which a spline does not repeat their camera: where it folds or ends soon."""
+"""px; error above which the spline does not reproduce the lens, because the lens is about to fold or end."""
 
 CELLS = (16, 32, 64, 128)
-"""Cells of the spline along the longer side of the image, as many as are needed."""
+"""Numbers of spline cells along the longer side of the image, tried in this order."""
 
-SAMPLES = 2  # a cell and axis, to fit and to test
+SAMPLES = 2  # per cell and axis, for the fit
 MARGIN = 0.06
-"""Of the image's longer side: how far beyond the image a lens is repeated that goes on there. What is made of a map in
-large smooth pieces needs some of it on the border's far side."""
+"""As a fraction of the image's longer side: how far the spline extends beyond the image if the lens does too.
 
-WIDEST = np.deg2rad(172.0)  # from the axis; straight behind, the direction away from the axis has no meaning
+Piecewise expansions of the map need a margin beyond the border.
+"""
+
+WIDEST = np.deg2rad(172.0)  # from the axis; straight behind, the azimuth is undefined
 NARROWEST = 1e-4  # radians
 AZIMUTHS, ANGLES = 120, 250
-MOST_STRETCHED = 12.0  # times longer along one axis than along the other: a pole of the projection is near
+MOST_STRETCHED = 12.0  # ratio of the stretches along both axes, beyond which a pole of the projection is near
 STEP = 1e-6  # radians, to differentiate a projection
-LEAST_COVERED = 0.01  # of the image, or the numbers are hardly those of a lens
+LEAST_COVERED = 0.01  # of the image; below, the parameters are hardly those of a lens
 
 UNKNOWN_BOARD = Checkerboard(3, 3)
-"""Stands in a camera file for the board of a camera that came without one."""
+"""Placeholder for the board of a camera that was imported without one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Adopted:
-    """Their camera as ours and how well it is repeated inside the domain: ``rms_px``, ``largest_px`` per point.
+    """The converted camera, and the fit errors inside its domain: ``rms_px`` and ``largest_px``, per point.
 
-    ``covered`` is the share of the image that their camera says something of, ``knots`` the spline's control points.
+    ``covered`` is the share of the image in which the lens model is defined; ``knots`` are the numbers of control
+    points of the spline across and down.
     """
 
     calibration: Calibration
@@ -61,14 +64,14 @@ class Adopted:
 
 
 def adopt(theirs: ForeignCamera, *, board: Board | None = None, square_mm: float | None = None) -> Adopted:
-    """``theirs`` as a camera of ours, in its own frame, the virtual plane that of its ideal pinhole image in px.
+    """Convert ``theirs`` to a virtual camera in its own frame; the virtual plane is its ideal pinhole image in px.
 
-    ``board`` is the one that photographs would be scored on. How well theirs was calibrated is not told: standard
-    deviations are those of the fit alone. Raises CalibrationError where their camera is one to one hardly anywhere in
+    ``board`` is the board on which photographs will be scored. The uncertainty of the other calibration is unknown:
+    standard deviations are those of the fit alone. Raises CalibrationError if the lens is one to one hardly anywhere in
     the image.
     """
     lens = _lens(theirs)
-    found = _repetition(lens)
+    found = _spline(lens)
     details: dict[str, object] = {
         "program": theirs.program,
         "model": theirs.model,
@@ -89,7 +92,7 @@ def _calibration(
     square_mm: float | None,
     details: dict[str, object],
 ) -> Calibration:
-    """What is known of how ``camera`` came about: no corners, and no error bars of K."""
+    """The calibration that holds ``camera``: without corners, and without standard deviations of K."""
     return Calibration(
         camera,
         CornerSet(board or UNKNOWN_BOARD, theirs.image_size),
@@ -111,12 +114,12 @@ def _camera(theirs: ForeignCamera, plane_map: SplineMap, hull: ConvexRegion, sig
     )
 
 
-# --- their lens, inverted ----------------------------------------------------------------------------------------
+# --- inversion of the lens ----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lens:
-    """A projection as a map from angles q (n, 2), azimuthal equidistant, to pixels, and its one-to-one part.
+    """A projection as a map from azimuthal equidistant angles q (n, 2) to pixels, and its one-to-one part.
 
     ``angles`` and ``pixels`` (m, 2) sample that part; ``sign`` is the handedness of the image there.
     """
@@ -127,17 +130,17 @@ class Lens:
     sign: float
 
     def value(self, q: Floats) -> Floats:
-        """Pixels (n, 2)."""
+        """Pixels (n, 2) of angles ``q`` (n, 2), nan where there is none."""
         with np.errstate(all="ignore"):
             return self.camera.project(angles_to_directions(q))
 
     def jacobian(self, q: Floats) -> Floats:
-        """∂pixel/∂q (n, 2, 2), by differences."""
+        """∂pixel/∂q (n, 2, 2) by central differences."""
         sides = [(self.value(q + step) - self.value(q - step)) / (2.0 * STEP) for step in STEP * np.eye(2)]
         return np.stack(sides, axis=2)
 
     def unfolded(self, jacobian: Floats) -> Bools:
-        """Where ∂pixel/∂q (n, 2, 2) keeps the image's handedness, far from a pole."""
+        """Where (n,) ∂pixel/∂q (n, 2, 2) keeps the image's handedness, away from a pole."""
         known: Bools = np.asarray(np.isfinite(jacobian).all(axis=(1, 2)))
         good = np.zeros(len(jacobian), dtype=bool)
         largest, smallest = np.linalg.svd(jacobian[known], compute_uv=False).T
@@ -146,7 +149,7 @@ class Lens:
         return good
 
     def inverse(self, uv: Floats) -> Floats:
-        """q (n, 2) of pixels ``uv`` (n, 2); nan where there is none on the one-to-one part."""
+        """Angles q (n, 2) of pixels ``uv`` (n, 2); nan where the one-to-one part has none."""
         start = self.angles[cKDTree(self.pixels).query(uv)[1]]
         q = newton_inverse(self, uv, start, reach=0.05)
         found: Bools = np.asarray(np.isfinite(q).all(axis=1))
@@ -155,7 +158,7 @@ class Lens:
 
 
 def _lens(theirs: ForeignCamera) -> Lens:
-    """``theirs`` with its one-to-one part: along each direction from the axis, as far as it does not fold."""
+    """``theirs`` with its one-to-one part: along each direction from the axis, up to where it folds."""
     theta = np.geomspace(NARROWEST, WIDEST, ANGLES)
     phi = np.linspace(0.0, 2.0 * np.pi, AZIMUTHS, endpoint=False)
     grid = theta[:, None, None] * np.stack([np.cos(phi), np.sin(phi)], axis=1)
@@ -169,9 +172,10 @@ def _lens(theirs: ForeignCamera) -> Lens:
 
 
 def _followed(lens: Lens, grid: Floats) -> Bools:
-    """How far along each direction of ``grid`` (angles, azimuths, 2) the image goes on: (angles, azimuths).
+    """Which points of ``grid`` (angles, azimuths, 2) belong to the one-to-one part: (angles, azimuths).
 
-    It ends where it folds and where it has left the image: what comes back beyond is another part of the formula.
+    Along each direction it ends where the projection folds or has left the image; if the projection returns to the
+    image farther out, that is a spurious branch of the formula.
     """
     flat = grid.reshape(-1, 2)
     values = lens.value(flat).reshape(grid.shape)
@@ -185,8 +189,8 @@ def _followed(lens: Lens, grid: Floats) -> Bools:
 def _blind(theirs: ForeignCamera) -> CalibrationError:
     width, height = theirs.image_size
     return CalibrationError(
-        f"the {theirs.program} camera sees next to nothing in an image of {width}x{height}: check the size of the "
-        "images and the camera's numbers"
+        f"the {theirs.program} camera covers next to nothing of an image of {width}x{height}: check the image size and "
+        "the camera's parameters"
     )
 
 
@@ -206,12 +210,12 @@ class Frame:
         return np.array([[u, v] for u in (self.low[0], self.high[0]) for v in (self.low[1], self.high[1])])
 
     def pixels(self, count: int) -> Floats:
-        """A grid (n, 2) out to its edges, ``count`` pixels along the longer side."""
+        """A grid of pixels (n, 2) up to its edges, ``count`` along the longer side."""
         sides = map(np.linspace, self.low, self.high, self._counts(count, fewest=3))
         return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
 
     def empty(self, cells: int) -> SplineSurface:
-        """A surface without content, ``cells`` along the longer side: a control point beyond each edge."""
+        """A zero surface with ``cells`` along the longer side and one control point beyond each edge."""
         counts = self._counts(cells, fewest=1)
         spacing = (self.high - self.low) / counts
         return SplineSurface(self.low - spacing, spacing, np.zeros((counts[1] + 3, counts[0] + 3, 2)))
@@ -222,17 +226,17 @@ class Frame:
 
 
 def _frame(image_size: tuple[int, int], margin: float) -> Frame:
-    """The image, wider by ``margin`` of its longer side all around."""
+    """The image, extended on all sides by the fraction ``margin`` of its longer side."""
     size = np.array(image_size, dtype=np.float64)
     beyond = margin * size.max()
     return Frame(np.full(2, -0.5 - beyond), size - 0.5 + beyond)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Repetition:
-    """A lens repeated by a ``surface``: ``known`` is where, ``hull`` its part of the image.
+class Fit:
+    """A spline ``surface`` fitted to a lens, valid in the region ``known``; ``hull`` is the part of it in the image.
 
-    ``rms_px`` and ``largest_px`` are of the errors all over ``known``.
+    ``rms_px`` and ``largest_px`` are the errors over ``known``.
     """
 
     surface: SplineSurface
@@ -242,8 +246,8 @@ class Repetition:
     largest_px: float
 
 
-def _repetition(lens: Lens) -> Repetition:
-    """The spline of ``lens``: of the image, and beyond it where the lens goes on all around."""
+def _spline(lens: Lens) -> Fit:
+    """Fit a spline to ``lens`` over the image, and with a margin around it if the lens is defined everywhere there."""
     image, wider = (_frame(lens.camera.image_size, margin) for margin in (0.0, MARGIN))
     if np.isfinite(lens.inverse(wider.pixels(SAMPLES * CELLS[0] + 1))).all():
         found = _fine_enough(lens, wider)
@@ -252,31 +256,31 @@ def _repetition(lens: Lens) -> Repetition:
     return _fine_enough(lens, image)
 
 
-def _fine_enough(lens: Lens, frame: Frame) -> Repetition:
-    """The spline of few cells that repeats ``lens`` on ``frame``, or of as many as there may be."""
+def _fine_enough(lens: Lens, frame: Frame) -> Fit:
+    """Fit the coarsest spline that reproduces ``lens`` on ``frame``, or else the finest one."""
     for cells in CELLS:
         surface, known = _fit(lens, frame, cells)
-        known, rms, largest = _repeated(lens, surface, known, frame, cells)
+        known, rms, largest = _tested(lens, surface, known, frame, cells)
         if largest < TOLERANCE:
             break
-    return Repetition(surface, known, known, rms, largest)
+    return Fit(surface, known, known, rms, largest)
 
 
 def _fit(lens: Lens, frame: Frame, cells: int) -> tuple[SplineSurface, ConvexRegion]:
-    """The spline of ``cells`` along the longer side, and where their lens says something."""
+    """The spline with ``cells`` along the longer side, and the region where the lens is defined."""
     uv = frame.pixels(SAMPLES * cells + 1)
     q = lens.inverse(uv)
     known = np.isfinite(q).all(axis=1)
-    region = _believed(lens, uv[known], uv[~known])
+    region = _region(lens, uv[known], uv[~known])
     return fitted(frame.empty(cells), uv[known], q[known]), region
 
 
-def _repeated(
+def _tested(
     lens: Lens, surface: SplineSurface, known: ConvexRegion, frame: Frame, cells: int
 ) -> tuple[ConvexRegion, float, float]:
-    """The part of ``known`` where the spline repeats their lens, and of the errors there the rms and the largest, px.
+    """The part of ``known`` where the spline reproduces the lens, with the RMS and the largest error there in px.
 
-    They are the distances between pixels and where their lens puts the spline's rays.
+    An error is the distance between a pixel and the lens's projection of the spline's ray for it.
     """
 
     def errors_at(uv: Floats) -> Floats:
@@ -290,11 +294,11 @@ def _repeated(
         errors = errors_at(uv)
         if not (errors >= WORST).any():
             return known, float(np.sqrt(np.nanmean(errors[: len(grid)] ** 2))), float(np.nanmax(errors))
-        known = _believed(lens, uv[errors < WORST], uv[errors >= WORST])
+        known = _region(lens, uv[errors < WORST], uv[errors >= WORST])
 
 
-def _believed(lens: Lens, known: Floats, unknown: Floats) -> ConvexRegion:
-    """A convex region of ``known`` pixels (n, 2) without ``unknown`` (m, 2), if it is more than next to nothing."""
+def _region(lens: Lens, known: Floats, unknown: Floats) -> ConvexRegion:
+    """A convex region of ``known`` pixels (n, 2) without ``unknown`` (m, 2); raises CalibrationError if it is tiny."""
     width, height = lens.camera.image_size
     if len(known) < 3 or (hull := _inscribed(known, unknown)).area < LEAST_COVERED * width * height:
         raise _blind(lens.camera)

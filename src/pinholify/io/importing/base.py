@@ -1,4 +1,4 @@
-"""A camera of another program, and the file it comes from."""
+"""A camera of another program, and the file that contains it."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from pinholify.io.files import reading_text
 from pinholify.io.importing.trees import xml_tree, yaml_tree
 
 MAX_BYTES = 64 << 20
-"""A larger file is refused: the longest that programs write hold a whole calibration's corners and are smaller."""
+"""Larger files are refused; even files that contain all corners of a calibration are smaller."""
 
 LARGEST_SIDE = 1 << 20  # px
 
 Projection: TypeAlias = Callable[[Floats], Floats]
-"""Directions or points (n, 3) of the camera's frame → pixels (n, 2), nan where it has none."""
+"""Directions or points (n, 3) in the camera's frame → pixels (n, 2), nan where there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForeignCamera:
-    """What another program says of a camera.
+    """A camera as another program describes it.
 
-    ``source`` is the file's name, ``program`` whose it is, ``model`` that program's own name of the lens model.
-    ``project`` is the camera; ``focal`` (2,) and ``centre`` (2,) px are its fx, fy and cx, cy; pixels are ours, (0, 0)
-    the centre of the top-left one. ``image_size`` is (width, height) px.
+    ``source`` is the file's name, ``program`` the program that wrote it, and ``model`` that program's name of the lens
+    model. ``project`` is the projection; ``focal`` (2,) and ``centre`` (2,) are fx, fy and cx, cy in px, with (0, 0) at
+    the centre of the top-left pixel. ``image_size`` is (width, height) px.
     """
 
     source: str
@@ -45,7 +45,7 @@ class ForeignCamera:
 
 @dataclass(frozen=True, slots=True)
 class Foreign:
-    """A file's content as plain data, and what the user says beside it: see :func:`read_foreign`."""
+    """A file's content as plain data, and the caller's ``image_size`` and ``fisheye``: see :func:`read_foreign`."""
 
     name: str
     tree: Mapping[str, Any]
@@ -54,7 +54,7 @@ class Foreign:
 
     @property
     def program(self) -> str:
-        """Which program wrote the file; raises CameraFileError where none is known to write such."""
+        """The program that wrote the file; raises CameraFileError if it is not recognised."""
         if "lensmodel" in self.tree:
             return "mrcal"
         if any(isinstance(value, dict) and "camera_model" in value for value in self.tree.values()):
@@ -63,18 +63,18 @@ class Foreign:
             return "ros"
         if any(name in self.tree for name in MATRIX_NAMES):
             return "opencv"
-        raise self.refused("it is no camera of mrcal, OpenCV, Kalibr or ROS")
+        raise self.refused("it is not a camera of mrcal, OpenCV, Kalibr or ROS")
 
     def refused(self, why: str, remedy: str = "give a calibration file of these programs") -> CameraFileError:
-        """The error that says ``why`` the file is not read, and the ``remedy``."""
+        """The error that says ``why`` the file cannot be read, and the ``remedy``."""
         return CameraFileError(f"'{self.name}' cannot be imported: {why}; {remedy}")
 
     def numbers(self, value: Any, what: str, *counts: int) -> Floats:
-        """``value`` as finite numbers (n,), n one of ``counts`` where any are given; ``what`` names it."""
+        """``value`` as finite numbers (n,), n one of ``counts`` if any are given; ``what`` names it in messages."""
         try:
             array = np.array(value, dtype=np.float64).ravel()
         except (TypeError, ValueError):
-            raise self.refused(f"its {what} are no numbers" if value is not None else f"it has no {what}") from None
+            raise self.refused(f"its {what} are not numbers" if value is not None else f"it has no {what}") from None
         if not np.isfinite(array).all():
             raise self.refused(f"not all of its {what} are finite" if value is not None else f"it has no {what}")
         if counts and len(array) not in counts:
@@ -84,35 +84,35 @@ class Foreign:
 
     @property
     def sides(self) -> list[Any] | None:
-        """Width and height as FileStorage and ROS keep them, None where one is missing."""
+        """Width and height as FileStorage and ROS store them, None if one is missing."""
         sides = [self.tree.get("image_width"), self.tree.get("image_height")]
         return None if None in sides else sides
 
     def size(self, value: Any) -> tuple[int, int]:
-        """The size of the images that the file tells, or the user; raises CameraFileError where they differ or lack."""
-        told = None if value is None else tuple(int(n) for n in self.numbers(value, "image size", 2))
-        chosen = told or self.image_size
+        """The image size in the file or from the caller; raises CameraFileError if both differ or both are missing."""
+        found = None if value is None else tuple(int(n) for n in self.numbers(value, "image size", 2))
+        chosen = found or self.image_size
         if chosen is None:
-            raise self.refused("it does not tell the size of the images", "say it with --image-size WxH")
+            raise self.refused("it does not contain the size of the images", "give the image size")
         if self.image_size not in (None, chosen):
-            raise self.refused(f"it is of images of {chosen[0]}x{chosen[1]}, not of the size that was given")
+            raise self.refused(f"it is for images of {chosen[0]}x{chosen[1]}, not of the given size")
         if not 1 <= min(chosen) <= max(chosen) <= LARGEST_SIDE:
-            raise self.refused(f"it is of images of {chosen[0]}x{chosen[1]}")
+            raise self.refused(f"it is for images of {chosen[0]}x{chosen[1]}")
         return chosen[0], chosen[1]
 
 
 MATRIX_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "intrinsic_matrix")
-"""What programs with OpenCV's FileStorage call the matrix; the first two are those of its own samples."""
+"""Names of the matrix in programs that use OpenCV's FileStorage; the first two are those of its own samples."""
 
 
 def foreign_file(
     path: str | os.PathLike[str], *, image_size: tuple[int, int] | None = None, fisheye: bool | None = None
 ) -> Foreign:
-    """The content of ``path``; raises CameraFileError where it is none of the kinds of file that are read."""
+    """Read the content of ``path``; raises CameraFileError if it is not one of the supported kinds of file."""
     name = os.fspath(path)
     with reading_text(path, CameraFileError) as stream:
         if Path(path).stat().st_size > MAX_BYTES:
-            raise CameraFileError(f"'{name}' is larger than {MAX_BYTES >> 20} MiB and no camera of another program")
+            raise CameraFileError(f"'{name}' is larger than {MAX_BYTES >> 20} MiB and not a camera of another program")
         text = stream.read()
     try:
         tree = _tree(text)
@@ -120,7 +120,7 @@ def foreign_file(
         tree = None
     if not isinstance(tree, dict):
         raise CameraFileError(
-            f"'{name}' is no camera of another program, or is damaged; give a file of mrcal, OpenCV, Kalibr or ROS"
+            f"'{name}' is not a camera of another program, or is damaged; give a file of mrcal, OpenCV, Kalibr or ROS"
         )
     return Foreign(name, tree, image_size, fisheye)
 

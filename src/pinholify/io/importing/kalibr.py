@@ -15,7 +15,7 @@ CORE = 4
 
 
 def cameras(foreign: Foreign) -> Mapping[str, ForeignCamera]:
-    """All cameras of the chain by name: cam0, cam1, …"""
+    """All cameras of the chain by name (cam0, cam1, …)."""
     chain = {name: value for name, value in foreign.tree.items() if isinstance(value, dict) and "intrinsics" in value}
     if not chain:
         raise foreign.refused("it holds no camera with intrinsics")
@@ -25,7 +25,7 @@ def cameras(foreign: Foreign) -> Mapping[str, ForeignCamera]:
 def _camera(foreign: Foreign, entry: Mapping[str, Any]) -> ForeignCamera:
     lens = f"{entry.get('camera_model')}-{entry.get('distortion_model') or 'none'}"
     if lens not in MODELS:
-        raise foreign.refused(f"its model {lens} is not known here; known are {', '.join(MODELS)}")
+        raise foreign.refused(f"its model {lens} is not supported; supported are {', '.join(MODELS)}")
     own, count, make = MODELS[lens]
     numbers = foreign.numbers(entry["intrinsics"], "intrinsics", own + CORE)
     distortion = foreign.numbers(entry.get("distortion_coeffs") or [], "distortion coefficients", count)
@@ -45,4 +45,4 @@ MODELS: dict[str, tuple[int, int, Make]] = {
     "eucm-none": (2, 0, lambda core, own, distortion: projections.extended_unified(core, *map(float, own))),
     "ds-none": (2, 0, lambda core, own, distortion: projections.double_sphere(core, *map(float, own))),
 }
-"""Intrinsics before fx, fy, cx, cy; distortion coefficients; and how the projection is made of the three."""
+"""Model → numbers of intrinsics before fx, fy, cx, cy and of distortion coefficients, and its projection."""

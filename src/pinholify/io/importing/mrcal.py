@@ -1,6 +1,6 @@
-"""mrcal's .cameramodel (https://mrcal.secretsauce.net/cameramodels.html): a Python literal, read as nothing else.
+"""mrcal's .cameramodel (https://mrcal.secretsauce.net/cameramodels.html), a Python literal that is never executed.
 
-``extrinsics`` and ``optimization_inputs`` are left alone: they place the camera among others.
+``extrinsics`` and ``optimization_inputs`` are ignored: they place the camera among others.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ def _projection(foreign: Foreign, model: str, core: Floats, rest: Floats) -> Pro
     if model == "CAHVOR":
         return projections.cahvor(core, foreign.numbers(rest, "distortion coefficients", 5))
     if model not in PLAIN:
-        raise foreign.refused(f"its lens model {model} is not known here")
+        raise foreign.refused(f"its lens model {model} is not supported")
     foreign.numbers(rest, "distortion coefficients", 0)
     return PLAIN[model](core)
 
 
 def pinhole(core: Floats) -> Projection:
-    """LENSMODEL_PINHOLE."""
+    """The projection of LENSMODEL_PINHOLE."""
     return projections.brown(core, np.zeros(CORE))
 
 
@@ -55,22 +55,22 @@ PLAIN = {
     "LONLAT": projections.longitude_latitude,
     "LATLON": projections.latitude_longitude,
 }
-"""Models of the core alone."""
+"""Lens models without parameters other than fx, fy, cx, cy."""
 
 
 def _surface(foreign: Foreign, rest: Floats, order: int, columns: int, rows: int, fov: int) -> SplineSurface:
     if min(columns, rows) <= order or not 0 < fov < 360:
-        raise foreign.refused("no lens has the numbers of its lens model")
+        raise foreign.refused("the numbers of its lens model are not valid")
     control = foreign.numbers(rest, "spline control points", 2 * rows * columns).reshape(rows, columns, 2)
     spacing, origin = knots(order, columns, rows, fov)
     return SplineSurface(origin, np.full(2, spacing), control, order)
 
 
 def knots(order: int, columns: int, rows: int, fov_x_degrees: int) -> tuple[float, Floats]:
-    """Spacing and first place (2,) of the control points, in mrcal's u.
+    """Spacing and first position (2,) of the control points, in mrcal's u.
 
-    The field of view across is covered but for a margin of order − 1 intervals in all, so that each patch within has
-    all its control points; the grid stands around the axis.
+    The grid is centred on the axis and covers the horizontal field of view with a margin of order − 1 intervals in
+    total, so that each patch inside has all its control points.
     """
     widest = 2.0 * np.tan(np.deg2rad(fov_x_degrees) / 4.0)
     spacing = float(2.0 * widest / (columns - order))

@@ -1,4 +1,4 @@
-"""OpenCV's FileStorage, YAML or XML, with the names of its own samples and some others in use."""
+"""OpenCV's FileStorage, YAML or XML, with the key names of its own samples and some other common ones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DISTORTION_NAMES = (
     "D",
 )
 BROWN = (0, 4, 5, 8, 12, 14)
-"""How many coefficients ``cv2.calibrateCamera`` gives."""
+"""Possible numbers of coefficients of ``cv2.calibrateCamera``."""
 FISHEYE = 4
 
 
@@ -35,20 +35,20 @@ def cameras(foreign: Foreign) -> Mapping[str, ForeignCamera]:
 
 
 def core_of(foreign: Foreign, matrix: Any) -> tuple[Floats, Floats]:
-    """Focal lengths and centre of a matrix K as FileStorage and ROS keep it."""
+    """(fx, fy) and (cx, cy) of a matrix K as FileStorage and ROS store it."""
     k = foreign.numbers(_data(foreign, matrix), "numbers in its matrix", 9).reshape(3, 3)
     if not (k[0, 0] and k[1, 1]) or np.abs(k[[1, 2, 2, 2], [0, 0, 1, 2]] - [0, 0, 0, 1]).max() > 1e-9 or k[0, 1]:
-        raise foreign.refused("its matrix is no camera's without skew")
+        raise foreign.refused("its matrix is not that of a camera without skew")
     return k[[0, 1], [0, 1]], k[:2, 2]
 
 
 def coefficients(foreign: Foreign, value: Any) -> Floats:
-    """Distortion coefficients (n,) as FileStorage and ROS keep them."""
+    """Distortion coefficients (n,) as FileStorage and ROS store them."""
     return foreign.numbers(_data(foreign, value), "distortion coefficients")
 
 
 def _data(foreign: Foreign, value: Any) -> Any:
-    """The numbers of a matrix, as many as it says it has; what is no matrix is passed on."""
+    """The data of a matrix, after a check of its size; anything but a matrix is returned unchanged."""
     if not isinstance(value, dict):
         return value
     data, sides = value.get("data"), (value.get("rows"), value.get("cols"))
@@ -70,7 +70,7 @@ def _model(foreign: Foreign, core: Floats, distortion: Floats) -> tuple[str, Pro
     if fisheye is None and len(distortion) == FISHEYE and np.any(distortion):
         raise foreign.refused(
             "its 4 coefficients may be those of cv2.calibrateCamera or of cv2.fisheye.calibrate",
-            "say --no-fisheye or --fisheye",
+            "specify whether they are fisheye coefficients",
         )
     if fisheye:
         return "fisheye", projections.fisheye(core, foreign.numbers(distortion, "fisheye coefficients", FISHEYE))

@@ -1,7 +1,7 @@
 """Other programs' lens models, as their manuals define them: directions or points (n, 3) → pixels (n, 2).
 
-Each function makes a projection from fx, fy, cx, cy (``core``) and the model's own numbers. What a model does not see
-is nan. mrcal's are those of https://mrcal.secretsauce.net/lensmodels.html.
+Each function makes a projection from fx, fy, cx, cy (``core``) and the model's own parameters. Points that a model does
+not see are nan. mrcal's are those of https://mrcal.secretsauce.net/lensmodels.html.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from pinholify.splines import SplineSurface
 
 
 def brown(core: Floats, distortion: Floats) -> Projection:
-    """OpenCV's: 0, 4, 5, 8, 12 or 14 coefficients (plumb bob, rational, thin prism, tilt), in front of the camera."""
+    """OpenCV's model: 0, 4, 5, 8, 12 or 14 coefficients (plumb bob, rational, thin prism, tilt), for z > 0."""
     return _imaged(core, lambda xyz: distorted(_plane(xyz), distortion))
 
 
 def fisheye(core: Floats, distortion: Floats) -> Projection:
     """OpenCV's fisheye, Kalibr's pinhole-equi and ROS's equidistant: θ(1 + k₁θ² + … + k₄θ⁸) (Kannala & Brandt 2006).
 
-    The formula is followed beyond 90°, where those programs' own functions end.
+    The formula is also used beyond 90°, where those programs' own functions end.
     """
 
     def plane(xyz: Floats) -> Floats:
@@ -85,7 +85,7 @@ def stereographic_plane(xyz: Floats) -> Floats:
 
 
 def splined_stereographic(core: Floats, surface: SplineSurface) -> Projection:
-    """mrcal's LENSMODEL_SPLINED_STEREOGRAPHIC: u moved by a ``surface`` over u."""
+    """mrcal's LENSMODEL_SPLINED_STEREOGRAPHIC: u displaced by a ``surface`` over u."""
 
     def plane(xyz: Floats) -> Floats:
         u = stereographic_plane(xyz)
@@ -125,7 +125,7 @@ def cahvor(core: Floats, numbers: Floats) -> Projection:
 
 
 def distorted(xy: Floats, distortion: ArrayLike) -> Floats:
-    """Normalised points (n, 2) moved by OpenCV's ``distortion`` coefficients."""
+    """Distort normalised points (n, 2) with OpenCV's ``distortion`` coefficients."""
     import cv2
 
     out = np.full_like(xy, np.nan)
@@ -143,7 +143,7 @@ def _imaged(core: Floats, plane: Projection) -> Projection:
 
 
 def _ratio(xyz: Floats, depth: Floats) -> Floats:
-    """(x, y) ÷ ``depth`` where that is positive."""
+    """(x, y) ÷ ``depth`` (n, 2), nan unless the depth is positive."""
     return np.asarray(xyz[:, :2] / np.where(depth > 0, depth, np.nan)[:, None])
 
 
@@ -157,7 +157,7 @@ def _angle(xyz: Floats) -> Floats:
 
 
 def _along(xyz: Floats, radius: Floats) -> Floats:
-    """Points (n, 2) in the directions of (x, y), ``radius`` (n,) from zero."""
+    """Points (n, 2) in the directions of (x, y), at distances ``radius`` (n,) from the origin."""
     rho = np.hypot(xyz[:, 0], xyz[:, 1])
     return np.asarray(xyz[:, :2] * (radius / np.maximum(rho, 1e-300))[:, None])
 

@@ -1,7 +1,8 @@
-"""Text files of calibrations as plain dictionaries, lists, numbers and texts: the small part of YAML and XML they use.
+"""Calibration files as plain dictionaries, lists, numbers and strings: the small subset of YAML and XML they use.
 
-Written for files that are not trusted: nothing is run, made or expanded, and depth is limited. (OpenCV's own reader
-ends the process on some files, and does not read all YAML.)
+Written for files that are not trusted: nothing is executed, constructed or expanded, and depth is limited. OpenCV's own
+reader aborts the process on some files and does not read all YAML; a YAML library would be one more dependency, and
+refuses OpenCV's ``%YAML:1.0`` and ``!!opencv-matrix``.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ COMMENT = re.compile(r"(^|\s)#.*$")
 TAG = re.compile(r"^!\S+\s*")
 
 Line = tuple[int, str]
-"""Indentation and text."""
+"""Indentation and text of a logical line."""
 
 
 def yaml_tree(text: str) -> Any:
-    """The content of YAML ``text`` of mappings, lists and plain values; raises ValueError for what is beyond them."""
+    """Parse YAML ``text`` made of mappings, lists and plain values; raises ValueError for anything else."""
     lines = deque(_logical_lines(text))
     if not lines:
-        raise ValueError("nothing in it")
+        raise ValueError("it is empty")
     tree = _block(lines, 0)
     if lines:
         raise ValueError(f"not understood: {lines[0][1]}")
@@ -34,7 +35,7 @@ def yaml_tree(text: str) -> Any:
 
 
 def _logical_lines(text: str) -> Iterator[Line]:
-    """Lines without comments and directives, the parts of a list in brackets joined."""
+    """Lines without comments and directives, with bracketed lists joined into one line."""
     parts: list[str] = []
     still_open = 0
     for raw in text.splitlines():
@@ -51,7 +52,7 @@ def _logical_lines(text: str) -> Iterator[Line]:
 
 
 def _block(lines: deque[Line], depth: int) -> Any:
-    """The mapping or list that ``lines`` begin with, taken from them."""
+    """Parse the mapping or list at the beginning of ``lines``, and remove it from them."""
     if depth > DEEPEST:
         raise ValueError("nested too deeply")
     indent, first = lines[0]
@@ -66,7 +67,7 @@ def _mapping(lines: deque[Line], indent: int, depth: int) -> dict[str, Any]:
     while lines and lines[0][0] == indent and (match := KEY.match(lines[0][1])):
         lines.popleft()
         key, value = match[1].strip("\"'"), TAG.sub("", match[2] or "")
-        # A list may stand as far to the left as the key it belongs to.
+        # A list may have the same indentation as its key.
         belongs = bool(lines) and (lines[0][0] > indent or (lines[0][0] == indent and lines[0][1].startswith("- ")))
         mapping[key] = _block(lines, depth + 1) if belongs and not value else _plain(value)
     return mapping
@@ -86,7 +87,7 @@ def _items(lines: deque[Line], indent: int, depth: int) -> list[Any]:
 
 
 def _plain(text: str) -> Any:
-    """A number or a list of numbers, or else the text itself."""
+    """A number or a list of numbers, otherwise the text itself."""
     try:
         return ast.literal_eval(text)
     except (ValueError, SyntaxError):
@@ -94,7 +95,7 @@ def _plain(text: str) -> Any:
 
 
 def xml_tree(text: str) -> Any:
-    """The content of XML ``text`` as OpenCV writes it; raises ValueError for what it never writes."""
+    """Parse XML ``text`` as OpenCV writes it; raises ValueError for anything else."""
     if "<!" in re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL):
         raise ValueError("declarations are not read")
     try:

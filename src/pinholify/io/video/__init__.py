@@ -1,1 +1,1 @@
-"""Video files (extra ``video``): read frame by frame, remapped plane by plane, written in parts and put together."""
+"""Video files (extra ``video``): read frame by frame, remapped plane by plane, encoded in parts and assembled."""

@@ -1,4 +1,4 @@
-"""A finished video: encoded parts as its picture; sound, subtitles, chapters and texts copied from the original."""
+"""Assembly of a video from its encoded parts, with sound, subtitles, chapters and metadata of the original."""
 
 from __future__ import annotations
 
@@ -16,29 +16,27 @@ from pinholify.io.video.segments import SegmentFolder
 from pinholify.io.video.source import VideoInfo, opened, pyav
 
 COPIED = ("audio", "subtitle")
-WRITTEN_ANEW = ("major_brand", "minor_version", "compatible_brands", "encoder")
-"""Texts that describe the file and not what is in it."""
+NOT_COPIED = ("major_brand", "minor_version", "compatible_brands", "encoder")
+"""Metadata that describes the container and not its content."""
 
 
 def left_out(path: str) -> list[str]:
-    """The kinds of the streams of the video ``path`` that no straightened one has."""
+    """The types of the streams of the video ``path`` that the straightened video will lack."""
     with opened(path) as (container, picture):
         return [s.type for s in container.streams if s.index != picture.index and s.type not in COPIED]
 
 
 def try_container(source: str, temporary: Path, encoding: Encoding, info: VideoInfo) -> None:
-    """Raise OutputError where the file called ``temporary`` would not hold what :func:`assemble` puts in; it does not
-    survive this.
-    """
+    """Raise OutputError if the container of ``temporary`` cannot hold the result of :func:`assemble`; overwrites it."""
     with opened(source) as (original, _):
         output, _, _ = _started(original, temporary, encoding, info)
         output.close()
 
 
 def assemble(source: str, temporary: Path, encoding: Encoding, info: VideoInfo, parts: SegmentFolder) -> None:
-    """Write the video ``parts`` of the original ``source`` at ``temporary``, its streams side by side in time.
+    """Write the video ``parts`` of the original ``source`` to ``temporary``, with all streams interleaved in time.
 
-    Nothing is encoded. Raises OutputError where the container does not take it, ImageError for a damaged original.
+    Nothing is encoded. Raises OutputError if the container does not support it, and ImageError for a damaged original.
     """
     with opened(source) as (original, _):
         output, picture, copies = _started(original, temporary, encoding, info)
@@ -51,7 +49,7 @@ def assemble(source: str, temporary: Path, encoding: Encoding, info: VideoInfo, 
 
 
 def _started(original: Any, temporary: Path, encoding: Encoding, info: VideoInfo) -> tuple[Any, Any, dict[int, Any]]:
-    """The new file with its header written, its picture's stream, and a copy for each stream that is copied."""
+    """The output container with its header written, its picture stream, and a stream for each one that is copied."""
     av = pyav()
     try:
         output = av.open(str(temporary), "w", container_options=_exact_starts(temporary, info))
@@ -61,18 +59,18 @@ def _started(original: Any, temporary: Path, encoding: Encoding, info: VideoInfo
         if info.display_matrix is not None:
             picture.set_display_matrix(list(info.display_matrix))
         copies = {s.index: _copy(output, s) for s in original.streams if s.type in COPIED}
-        output.metadata.update({k: v for k, v in original.metadata.items() if k not in WRITTEN_ANEW})
+        output.metadata.update({k: v for k, v in original.metadata.items() if k not in NOT_COPIED})
         output.set_chapters(original.chapters())
         output.start_encoding()
     except (av.error.FFmpegError, ValueError) as error:
         raise OutputError(
-            f"a {temporary.suffix} file does not take what is in this video ({error}); name the result .mkv"
+            f"a {temporary.suffix} file cannot hold the streams of this video ({error}); name the result .mkv"
         ) from None
     return output, picture, copies
 
 
 def _exact_starts(path: Path, info: VideoInfo) -> dict[str, str]:
-    """MP4 and QuickTime files begin a stream later by a time of the movie's own scale, of milliseconds by default."""
+    """The option that makes MP4 and QuickTime store start times exactly, and not in the default milliseconds."""
     return {} if path.suffix.lower() in (".mkv", ".webm") else {"movie_timescale": str(info.time_base.denominator)}
 
 
@@ -84,7 +82,7 @@ def _copy(output: Any, stream: Any) -> Any:
 
 
 def _picture_packets(stream: Any, parts: SegmentFolder, info: VideoInfo) -> Iterator[tuple[float, Any]]:
-    """The packets of all parts with their times of decoding in s."""
+    """The packets of all parts with their decoding times in s."""
     av = pyav()
     dts, durations = _times(parts)
     number = 0
@@ -100,10 +98,10 @@ def _picture_packets(stream: Any, parts: SegmentFolder, info: VideoInfo) -> Iter
 
 
 def _times(parts: SegmentFolder) -> tuple[Ints, dict[int, int]]:
-    """When each packet is decoded, and how long the frame of each time is shown.
+    """The decoding time of each packet, and presentation time → duration of each frame.
 
-    Every part was encoded as if nothing came before it. Here the times of all frames, sorted, are the times of
-    decoding, moved back by as many frames as packets come early at most.
+    Each part was encoded as if it were the first. The decoding times of the whole are the sorted presentation times,
+    shifted back by the largest number of frames that a packet precedes its presentation order.
     """
     pts = np.concatenate([segment.pts for segment in parts.index])
     shown = np.sort(pts)
@@ -116,10 +114,10 @@ def _times(parts: SegmentFolder) -> tuple[Ints, dict[int, int]]:
 
 
 def _copied_packets(original: Any, copies: dict[int, Any]) -> Iterator[tuple[float, Any]]:
-    """The packets of the streams that are copied, with their times in s."""
+    """The packets of the copied streams with their decoding times in s."""
     time = 0.0
     for packet in original.demux([original.streams[index] for index in copies]):
-        if packet.size == 0 and packet.dts is None:  # PyAV's sign for the end
+        if packet.size == 0 and packet.dts is None:  # PyAV's mark of the end
             continue
         if packet.dts is not None:
             time = float(packet.dts * packet.time_base)

@@ -1,4 +1,4 @@
-"""Frames of a video worth looking at: sharp ones, each different from the last."""
+"""Selection of frames of a video for calibration: sharp ones, each different from the last."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from pinholify.io.images import Image
 from pinholify.io.video.source import Frame, frames, probe
 
 CHOSEN = 40
-"""Frames to look for in a video, at most about so many."""
+"""Approximate maximum number of frames to choose from a video."""
 
 SHORTEST = 0.25
-"""s; in less time a hand does not come to rest."""
+"""Shortest part of a video that yields a frame, in s; a hand does not come to rest in less."""
 
 WIDTH = 640
-"""px to which frames are reduced to tell how sharp they are: motion that blurs a board is larger than one of these."""
+"""Width in px to which frames are reduced to measure sharpness; motion blur that matters exceeds one such pixel."""
 
 SMALL = (32, 18)
 DIFFERENT = 0.05
-"""By how much of its own contrast a frame, reduced to SMALL px, must differ from the last one."""
+"""RMS difference from the last frame, both reduced to SMALL px, as a fraction of the frame's own contrast."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,10 +43,10 @@ class _Candidate:
 
 
 def choose_stills(path: str, *, count: int = CHOSEN, on_frame: Callable[[], object] | None = None) -> Iterator[Still]:
-    """The sharpest frame of each of ``count`` equal parts of the video ``path``, but none that looks like the last.
+    """Yield the sharpest frame of each of ``count`` equal parts of the video ``path``, unless it looks like the last.
 
-    Parts are of SHORTEST s at least, and of a second where the file does not tell how many frames it has. ``on_frame``
-    is called for every frame. Raises ImageError for what is no video.
+    Parts last at least SHORTEST s, and one second if the file does not contain its number of frames. ``on_frame`` is
+    called for every frame. Raises ImageError if the file is not a video.
     """
     info = probe(path)
     rate = info.rate or 25

@@ -1,4 +1,4 @@
-"""How a straightened video is encoded: as its original is, as far as that can be."""
+"""The encoding of a straightened video: that of the original as far as possible."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ ENCODERS = {
     "prores": Encoder("prores_ks", None),
     "ffv1": Encoder("ffv1", None),
 }
-"""Codec → its encoder, at a quality that can hardly be told from the original."""
+"""Codec → its encoder, at a quality hardly distinguishable from the original."""
 
 USUAL = "h264"
 
 CONTAINERS = (".mp4", ".m4v", ".mov", ".mkv", ".webm")
-"""Files that can be written: those in which every frame has a time of its own."""
+"""Endings of files that can be written: containers that store a time for every frame."""
 
 EVEN_ONLY = ("libx264", "libx265", "libsvtav1", "prores_ks")
-"""Encoders that halve colour only of images whose sides are even."""
+"""Encoders that subsample colour only in images with even sides."""
 
 
 @dataclass(frozen=True, slots=True)
 class Encoding:
-    """All that an encoder must be told."""
+    """The complete settings of an encoder."""
 
     encoder: str
     options: tuple[tuple[str, str], ...]
@@ -52,7 +52,7 @@ class Encoding:
     colour: Colour
 
     def configure(self, context: Any) -> None:
-        """Tell PyAV's codec ``context`` everything."""
+        """Apply the settings to PyAV's codec ``context``."""
         context.width, context.height = self.size
         context.pix_fmt = self.pixel_format
         context.time_base = self.time_base
@@ -62,10 +62,10 @@ class Encoding:
         context.color_primaries, context.color_trc = self.colour.primaries, self.colour.transfer
         context.colorspace, context.color_range = self.colour.matrix, self.colour.range
         context.thread_type = "AUTO"
-        context.flags |= pyav().codec.context.Flags.global_header  # where all of CONTAINERS want the codec's headers
+        context.flags |= pyav().codec.context.Flags.global_header  # required by all of CONTAINERS
 
     def open(self) -> Any:
-        """A new encoder, ready for its first frame."""
+        """Open a new encoder, ready for its first frame."""
         context = pyav().CodecContext.create(self.encoder, "w")
         self.configure(context)
         context.open()
@@ -77,14 +77,14 @@ def choose_encoding(
 ) -> Encoding:
     """The encoding of images of ``size`` made from a video with ``info``.
 
-    The codec is the original's where it can be written, else H.264; the pixel format is the original's where the
-    encoder knows it, else the nearest. ``quality`` is a constant rate factor: less is better. Raises InputError for
-    what does not go together, OutputError where FFmpeg lacks the encoder.
+    The codec is that of the original if it can be written, otherwise H.264; the pixel format is that of the original if
+    the encoder supports it, otherwise the nearest. ``quality`` is a constant rate factor: lower is better. Raises
+    InputError for a ``quality`` that the codec does not have, and OutputError if FFmpeg lacks the encoder.
     """
     family = codec or (info.codec if info.codec in ENCODERS else USUAL)
     encoder = ENCODERS[family]
     if quality is not None and encoder.quality is None:
-        raise InputError(f"{family} knows no --quality; leave it out, or choose another codec with --codec")
+        raise InputError(f"{family} has no quality setting; omit the quality, or choose another codec")
     chosen = encoder.quality if quality is None else quality
     rate_factor = () if chosen is None else (("crf", str(chosen)),)
     pixel_format = _pixel_format(info.pixel_format, encoder.name, size)
@@ -104,14 +104,14 @@ def _pixel_format(original: str, encoder: str, size: tuple[int, int]) -> str:
     try:
         known = [kind.name for kind in av.codec.Codec(encoder, "w").video_formats]
     except av.codec.codec.UnknownCodecError:
-        raise OutputError(f"this FFmpeg has no encoder {encoder}; choose another codec with --codec") from None
-    # The formats yuvj… are their namesakes with full range, which is said in the colour instead.
+        raise OutputError(f"this FFmpeg has no encoder {encoder}; choose another codec") from None
+    # The formats yuvj… differ from yuv… only in their full range, which Colour represents.
     able = [name for name in known if can_be_remapped(name) and not name.startswith("yuvj")]
     if encoder in EVEN_ONLY:
         able = [name for name in able if _holds(name, size)]
     if not able:
         raise OutputError(
-            f"{encoder} holds no images of {size[0]}x{size[1]}; give even sides with --size, or another --codec"
+            f"{encoder} does not support images of {size[0]}x{size[1]}; choose a size with even sides, or another codec"
         )
     plain = original.replace("yuvj", "yuv")
     if plain in able:
@@ -121,13 +121,13 @@ def _pixel_format(original: str, encoder: str, size: tuple[int, int]) -> str:
 
 
 def _holds(pixel_format: str, size: tuple[int, int]) -> bool:
-    """Whether the sides of an image are multiples of what a colour sample of ``pixel_format`` stands for."""
+    """Whether the sides of an image are multiples of the colour subsampling of ``pixel_format``."""
     kind = pyav().VideoFormat(pixel_format, 64, 64)
     return all(size[0] % (64 // c.width) == 0 and size[1] % (64 // c.height) == 0 for c in kind.components)
 
 
 def _colour(info: VideoInfo, pixel_format: str) -> Colour:
-    """The original's; what was RGB and is not any more is BT.709 in limited range."""
+    """The colour of the original; RGB that is converted to YUV becomes BT.709 in limited range."""
     av = pyav()
     was_rgb, is_rgb = (av.VideoFormat(name, 64, 64).is_rgb for name in (info.pixel_format, pixel_format))
     return Colour(1, 1, 1, 1) if was_rgb and not is_rgb else info.colour

@@ -1,8 +1,8 @@
-"""Frames taken to a view plane by plane: brightness and colour keep their depth, range and subsampling.
+"""Remapping of video frames plane by plane: luma and chroma keep their bit depth, range and subsampling.
 
-No frame goes through RGB. A subsampled plane has a map of its own, made from that of the full planes; colour samples
-are taken to lie beside the left of their pixels and between their rows, as H.264 has it where nothing else is said
-(ITU-T H.264 E.2.1, chroma sample location type 0).
+No frame is converted to RGB. A subsampled plane has its own map, derived from that of the full planes; chroma samples
+are assumed to lie at the left of their pixels and midway between their rows, H.264's default (ITU-T H.264 E.2.1, chroma
+sample location type 0).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Plane = NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class PlaneKind:
-    """How a plane holds samples: its subsampling (columns, rows), bits, and the number of black or of no colour."""
+    """The samples of a plane: subsampling (columns, rows), bits, and the value of black or of neutral chroma."""
 
     subsampling: tuple[int, int]
     bits: int
@@ -32,7 +32,7 @@ class PlaneKind:
 
 
 def plane_kinds(pixel_format: str, *, full_range: bool) -> list[PlaneKind]:
-    """The planes of ``pixel_format`` (FFmpeg's name), in the order in which they lie."""
+    """The planes of ``pixel_format`` (FFmpeg's name), in storage order."""
     kind = pyav().VideoFormat(pixel_format, 64, 64)
     planes: dict[int, PlaneKind] = {}
     for component in kind.components:
@@ -43,7 +43,7 @@ def plane_kinds(pixel_format: str, *, full_range: bool) -> list[PlaneKind]:
 
 
 def can_be_remapped(pixel_format: str) -> bool:
-    """Whether ``pixel_format`` has a plane for each of its components, of whole numbers with the lowest byte first."""
+    """Whether ``pixel_format`` has one plane per component, of little-endian integers."""
     kind = pyav().VideoFormat(pixel_format, 64, 64)
     components = kind.components
     alone = len({c.plane for c in components}) == len(components) in (1, 3)
@@ -53,14 +53,14 @@ def can_be_remapped(pixel_format: str) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameStraightener:
-    """Takes frames of ``pixel_format`` to images of ``size`` (width, height), plane by plane."""
+    """Remaps frames of ``pixel_format`` to frames of ``size`` (width, height), plane by plane."""
 
     size: tuple[int, int]
     pixel_format: str
     planes: tuple[tuple[PlaneKind, Sampler], ...]
 
     def __call__(self, frame: Frame) -> Frame:
-        """The straightened frame, with the time and the colours of ``frame``."""
+        """The straightened frame, with the time and colour description of ``frame``."""
         out = pyav().VideoFrame(*self.size, self.pixel_format)
         for source, target, (kind, to_view) in zip(frame.planes, out.planes, self.planes, strict=True):
             _remap(_samples(source, kind), to_view, _samples(target, kind), kind)
@@ -73,9 +73,9 @@ class FrameStraightener:
 def frame_straightener(
     rectification: RectificationMap, image_size: tuple[int, int], pixel_format: str, *, full_range: bool
 ) -> FrameStraightener:
-    """The straightener of frames of ``image_size`` (width, height) to the view of ``rectification``.
+    """The straightener from frames of ``image_size`` (width, height) to the view of ``rectification``.
 
-    Its maps are fixed-point ones, of 1/32 px.
+    Its maps are fixed-point, with a resolution of 1/32 px.
     """
     kinds = plane_kinds(pixel_format, full_range=full_range)
     samplers = {step: _plane_sampler(rectification, image_size, step) for step in {k.subsampling for k in kinds}}
@@ -84,7 +84,7 @@ def frame_straightener(
 
 
 def _samples(plane: Any, kind: PlaneKind) -> Plane:
-    """The samples (height, width) of a plane, where they lie."""
+    """The samples (height, width) of a plane, without copying."""
     dtype = np.dtype(np.uint8 if kind.bits == 8 else np.uint16)
     rows = np.frombuffer(plane, dtype)[: plane.height * (plane.line_size // dtype.itemsize)]
     return rows.reshape(plane.height, -1)[:, : plane.width]
@@ -93,20 +93,20 @@ def _samples(plane: Any, kind: PlaneKind) -> Plane:
 def _remap(source: Plane, to_view: Sampler, target: Plane, kind: PlaneKind) -> None:
     target[:] = kind.black
     cv2.remap(source, to_view.map1, to_view.map2, cv2.INTER_CUBIC, dst=target, borderMode=cv2.BORDER_TRANSPARENT)
-    if kind.bits not in (8, 16):  # where a cubic overshoots, OpenCV stops it at the ends of the whole type only
+    if kind.bits not in (8, 16):  # OpenCV clips the overshoot of cubic interpolation to the range of the dtype only
         np.minimum(target, (1 << kind.bits) - 1, out=target)
 
 
 def _plane_sampler(rectification: RectificationMap, image_size: tuple[int, int], step: tuple[int, int]) -> Sampler:
-    """The sampler of a plane with one sample for ``step`` = (columns, rows) pixels."""
+    """The sampler of a plane with one sample per ``step`` = (columns, rows) pixels."""
     if step == (1, 1):
         return sampler(rectification, image_size, fixed_point=True)
     columns, rows = step
     blocks = _blocks(rectification.uv, step)
-    beside_left = blocks[:, :, :, 0]  # (height, rows, width, 2)
+    left = blocks[:, :, :, 0]  # (height, rows, width, 2)
     with np.errstate(invalid="ignore"):
-        known = np.isfinite(beside_left)
-        uv = np.where(known, beside_left, 0).sum(axis=1) / known.sum(axis=1)
+        known = np.isfinite(left)
+        uv = np.where(known, left, 0).sum(axis=1) / known.sum(axis=1)
     uv[..., 1] -= (rows - 1) / 2.0
     plane_map = replace(
         rectification,
@@ -117,7 +117,7 @@ def _plane_sampler(rectification: RectificationMap, image_size: tuple[int, int],
 
 
 def _blocks(values: NDArray[Any], step: tuple[int, int]) -> NDArray[Any]:
-    """(height, width, …) as blocks (height/rows, rows, width/columns, columns, …); beyond its edges a map goes on."""
+    """Split (height, width, …) into blocks (height/rows, rows, width/columns, columns, …), padded by extrapolation."""
     columns, rows = step
     pad = [(0, -values.shape[0] % rows), (0, -values.shape[1] % columns)] + [(0, 0)] * (values.ndim - 2)
     padded = np.pad(values, pad, "edge") if values.dtype == bool else np.pad(values, pad, "reflect", reflect_type="odd")

@@ -1,7 +1,7 @@
-"""Encoded video in parts, each a file that is there when it is whole: what a run that was stopped goes on from.
+"""Encoded video in parts, each an atomically written file, from which an interrupted run continues.
 
-A part is an ``.npz`` archive of plain arrays: the packets' bytes one after the other, and of each its size, its frame's
-time, and whether it can be entered there. Containers of video would round times or shift them.
+A part is an ``.npz`` archive of plain arrays: the concatenated bytes of the packets, and for each packet its size, its
+presentation time, and whether it is a key frame. Video containers would round or shift the times.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from pinholify.io.video.source import Frame
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """Packets in the order of decoding: ``pts`` (n,), ``size`` (n,) bytes and ``key`` (n,), and all their ``data``.
+    """Packets in decoding order: ``pts`` (n,), ``size`` (n,) in bytes, ``key`` (n,), and all their ``data``.
 
-    ``end`` is when the last frame ends.
+    ``end`` is the time at which the last frame ends.
     """
 
     data: NDArray[np.uint8]
@@ -38,7 +38,7 @@ class Segment:
 
 
 def encode(encoding: Encoding, frames: Iterable[Frame]) -> Segment | None:
-    """``frames`` encoded by an encoder of their own, so that they can be decoded alone; None where there are none."""
+    """Encode ``frames`` with a new encoder, so that the part can be decoded alone; None if there are none."""
     waiting = iter(frames)
     first = next(waiting, None)
     if first is None:
@@ -62,7 +62,7 @@ def encode(encoding: Encoding, frames: Iterable[Frame]) -> Segment | None:
 
 @dataclass(frozen=True, slots=True)
 class SegmentFolder:
-    """The parts of one video in a ``folder`` of their own, numbered from 0; ``index`` has all but their data."""
+    """The parts of one video in a ``folder``, numbered from 0; ``index`` has all of them without their data."""
 
     folder: Path
     index: list[Segment] = field(init=False, default_factory=list)
@@ -73,12 +73,12 @@ class SegmentFolder:
 
     @property
     def frames(self) -> int:
-        """How many frames there are."""
+        """The number of frames in all parts."""
         return sum(len(segment.pts) for segment in self.index)
 
     @property
     def last(self) -> int | None:
-        """The time of the last frame."""
+        """The presentation time of the last frame, None if there are no parts."""
         return int(self.index[-1].pts.max()) if self.index else None
 
     def add(self, segment: Segment) -> None:
@@ -93,7 +93,7 @@ class SegmentFolder:
         for number in range(len(self.index)):
             segment = _read(self._path(number))
             if segment is None:
-                raise OSError(f"{self._path(number)} has gone")
+                raise OSError(f"{self._path(number)} has disappeared")
             yield segment
 
     def remove(self) -> None:
@@ -108,7 +108,7 @@ class SegmentFolder:
 
 
 def _read(path: Path) -> Segment | None:
-    """The part at ``path``; None where there is none that can be used."""
+    """Read the part at ``path``; None if there is no usable one."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return Segment(arrays["data"], arrays["size"], arrays["pts"], arrays["key"], int(arrays["end"]))

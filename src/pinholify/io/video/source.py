@@ -1,4 +1,4 @@
-"""A video file read: what is in it, and its frames in order, each with a time of its own."""
+"""Reading a video file: its properties, and its frames in order, each with a distinct time."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ VIDEO_SUFFIXES = frozenset(
 )
 
 Frame = Any
-"""A frame of PyAV's, ``av.VideoFrame``."""
+"""PyAV's ``av.VideoFrame``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Colour:
-    """How numbers stand for colours, in the code points of ITU-T H.273; ``range`` is 1 (limited) or 2 (full)."""
+    """Colour description by the code points of ITU-T H.273; ``range`` is 1 (limited) or 2 (full)."""
 
     primaries: int
     transfer: int
@@ -32,10 +32,10 @@ class Colour:
 
 @dataclass(frozen=True, slots=True)
 class VideoInfo:
-    """A video's picture: ``size`` (width, height) px as the sensor has it, whatever the rotation in the metadata.
+    """The picture stream of a video; ``size`` (width, height) px is that of the sensor, whatever the display rotation.
 
-    Times are multiples of ``time_base`` s. ``rate`` (frames a second) and ``frames`` (their number) are what the file
-    says and may be wrong or None. ``display_matrix`` holds the nine integers that rotate the picture for display.
+    Times are multiples of ``time_base`` s. ``rate`` (frames per second) and ``frames`` (their number) are what the file
+    declares; they may be wrong or None. ``display_matrix`` holds the nine integers that rotate the picture for display.
     """
 
     codec: str
@@ -49,12 +49,12 @@ class VideoInfo:
 
 
 def is_video(place: str) -> bool:
-    """Whether the name of ``place`` is a video's."""
+    """Whether ``place`` has the ending of a video file."""
     return Path(place).suffix.lower() in VIDEO_SUFFIXES
 
 
 def pyav() -> Any:
-    """The package ``av``; raises InputError where it is not installed."""
+    """The package ``av``; raises InputError if it is not installed."""
     try:
         return importlib.import_module("av")
     except ImportError:
@@ -63,16 +63,16 @@ def pyav() -> Any:
 
 @contextmanager
 def opened(path: str) -> Iterator[tuple[Any, Any]]:
-    """PyAV's container of the video ``path`` and its picture's stream; raises ImageError for what is no video.
+    """PyAV's container of the video ``path`` and its picture stream; raises ImageError if it is not a video.
 
-    Errors of decoding inside the block are an ImageError too.
+    Decoding errors inside the block are converted to ImageError too.
     """
     av = pyav()
     try:
         with av.open(path) as container:
             streams = [s for s in container.streams.video if not s.disposition & av.stream.Disposition.attached_pic]
             if not streams:
-                raise ImageError(f"'{path}' holds no moving picture; give a video file")
+                raise ImageError(f"'{path}' contains no video stream; give a video file")
             streams[0].thread_type = "AUTO"
             yield container, streams[0]
     except FileNotFoundError:
@@ -84,14 +84,14 @@ def opened(path: str) -> Iterator[tuple[Any, Any]]:
 
 
 def probe(path: str) -> VideoInfo:
-    """What the video ``path`` holds; raises ImageError for what is no video, and for one that is interlaced."""
+    """The properties of the video ``path``; raises ImageError if it is not a video, or interlaced."""
     with opened(path) as (container, stream):
         frame = next(container.decode(stream), None)
         if frame is None:
-            raise ImageError(f"'{path}' holds no frame; it may be cut short or damaged")
+            raise ImageError(f"'{path}' contains no frame; it may be cut short or damaged")
         if frame.interlaced_frame:
             raise ImageError(
-                f"'{path}' is interlaced, so every frame mixes two moments; deinterlace it first: ffmpeg -vf bwdif"
+                f"'{path}' is interlaced, so every frame mixes two instants; deinterlace it first: ffmpeg -vf bwdif"
             )
         return VideoInfo(
             stream.codec_context.codec.canonical_name,
@@ -111,7 +111,7 @@ def _frames_by_duration(container: Any, stream: Any) -> int | None:
 
 
 def _colour_of(frame: Frame) -> Colour:
-    # The formats yuvj… are the old way to say full range.
+    # The formats yuvj… are the deprecated way to declare full range.
     full = 2 if frame.format.name.startswith("yuvj") else int(frame.color_range)
     return Colour(int(frame.color_primaries), int(frame.color_trc), int(frame.colorspace), full)
 
@@ -124,11 +124,11 @@ def _display_matrix(frame: Frame) -> tuple[int, ...] | None:
 
 
 def frames(path: str, *, after: int | None = None) -> Iterator[Frame]:
-    """The frames of the video ``path`` in order; only those later than ``after``, the time of one of them.
+    """Yield the frames of the video ``path`` in order, only those later than ``after`` (the time of a frame) if given.
 
-    Times rise strictly: a frame without one, or with one that is not later than the last, gets the next that fits.
-    A file that is cut short just ends sooner: see :func:`pinholify.io.video.completeness.shortfall`. Raises ImageError
-    where the file is damaged or its frames change in size or format.
+    Times increase strictly: a frame without a time, or not later than the last one, gets the next suitable time. A file
+    that is cut short just ends earlier: see :func:`pinholify.io.video.completeness.shortfall`. Raises ImageError if the
+    file is damaged or its frames change in size or format.
     """
     found = None if after is None else _sought(path, after)
     yield from found if found is not None else _later(path, after)
@@ -139,7 +139,7 @@ def _later(path: str, after: int | None) -> Iterator[Frame]:
 
 
 def _sought(path: str, after: int) -> Iterator[Frame] | None:
-    """The frames later than ``after`` without decoding all before; None where the file cannot be entered there."""
+    """The frames later than ``after`` without decoding all earlier ones; None if seeking does not find that frame."""
     sought = _timed(path, after)
     for frame in sought:
         if frame.pts >= after:
@@ -148,7 +148,7 @@ def _sought(path: str, after: int) -> Iterator[Frame] | None:
 
 
 def _timed(path: str, sought: int | None) -> Iterator[Frame]:
-    """All frames with times, from the key frame at or before the time ``sought`` on."""
+    """All frames with times, from the key frame at or before the time ``sought``."""
     with opened(path) as (container, stream):
         if sought is not None:
             container.seek(sought, stream=stream)
@@ -156,10 +156,10 @@ def _timed(path: str, sought: int | None) -> Iterator[Frame]:
         step, last, kind = max(round(1 / (rate * stream.time_base)), 1), None, None
         for frame in _decoded(container, stream):
             if kind not in (None, (frame.width, frame.height, frame.format.name)):
-                raise ImageError(f"'{path}' changes its size or format at {frame.time} s; cut it there first")
+                raise ImageError(f"'{path}' changes its size or format at {frame.time} s; split it there first")
             kind = (frame.width, frame.height, frame.format.name)
             if frame.pts is None:
-                if sought is not None:  # nothing tells which frame this is
+                if sought is not None:  # it is unknown which frame this is
                     return
                 frame.pts = 0 if last is None else last + step
             elif last is not None and frame.pts <= last:
@@ -173,5 +173,5 @@ def _decoded(container: Any, stream: Any) -> Iterator[Frame]:
         try:
             yield from packet.decode()
         except pyav().error.InvalidDataError:
-            if not packet.is_corrupt:  # else it is the last one of a file that is cut short
+            if not packet.is_corrupt:  # a corrupt packet is the last one of a file that is cut short
                 raise

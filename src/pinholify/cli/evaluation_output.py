@@ -1,8 +1,10 @@
-"""An evaluation as text for people and as JSON for programs."""
+"""The output of ``calibrate``, ``evaluate`` and ``demo``: an evaluation as text, and as JSON."""
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,93 +14,71 @@ from pinholify.evaluation.summary import Evaluation
 from pinholify.evaluation.verdict import Verdict
 from pinholify.evaluation.wrong_corners import sentences
 
-if TYPE_CHECKING:  # slow to load, and --json prints no table
+if TYPE_CHECKING:  # slow to import, and --json needs no table
     from rich.table import Table
 
+BOARD_KEYS = (
+    "file", "used", "reason", "note", "corners", "inside", "wrong", "ce", "re_percent", "re_refined_percent",
+)  # fmt: skip
 ASIDE_SHOWN = 8
 WIDTH = 78
-SHAPES = "pinholify is scored with the board's shape that it found, OpenCV's models with a flat board"
-
-
-def _wrong(evaluation: Evaluation) -> dict[str, Any]:
-    wrong = evaluation.wrong
-    return {"count": wrong.count, "of": wrong.found, "share": wrong.share, "by_image": wrong.counts,
-            "crowded": list(wrong.crowded)}
+SHAPES = "pinholify is scored with the board shape that it found, OpenCV's models with a flat board"
 
 
 def to_json(evaluation: Evaluation, verdict: Verdict) -> dict[str, Any]:
     """The object that ``--json`` prints; its keys are fixed."""
-    calibration = evaluation.calibration
-    k, closed = calibration.camera.intrinsics, calibration.closed_form
+    calibration, wrong = evaluation.calibration, evaluation.wrong
+    closed = calibration.closed_form
     f_std, uc_std, vc_std = (float(s) for s in calibration.intrinsics_std)
     return {
         "format_version": 1,
-        "method": calibration.method,
-        "kernel": calibration.kernel,
-        "trend": calibration.trend,
-        "unit": calibration.unit,
-        "f": k.f,
-        "uc": k.uc,
-        "vc": k.vc,
+        **_members(calibration, ("method", "kernel", "trend", "unit")),
+        **asdict(calibration.camera.intrinsics),
         "f_std": f_std,
         "uc_std": uc_std,
         "vc_std": vc_std,
-        "closed_form": None if closed is None else {"f": closed.f, "uc": closed.uc, "vc": closed.vc},
+        "closed_form": None if closed is None else asdict(closed),
         "square_mm": calibration.square_mm,
         "reference": calibration.reference,
         "mirrored": calibration.camera.mirrored,
-        "boards": [
-            {
-                "file": b.file,
-                "used": b.used,
-                "reason": b.reason,
-                "note": b.note,
-                "corners": b.corners,
-                "inside": b.inside,
-                "wrong": b.wrong,
-                "ce": b.ce,
-                "re_percent": b.re_percent,
-                "re_refined_percent": b.re_refined_percent,
-            }
-            for b in evaluation.boards
-        ],
-        "ce": evaluation.pooled.ce,
-        "re_percent": evaluation.pooled.re_percent,
-        "re_refined_percent": evaluation.pooled.re_refined_percent,
-        "re_px": evaluation.pooled.re_px,
-        "without_reference": {
-            "ce": evaluation.pooled_without_reference.ce,
-            "re_percent": evaluation.pooled_without_reference.re_percent,
-            "re_refined_percent": evaluation.pooled_without_reference.re_refined_percent,
-            "re_px": evaluation.pooled_without_reference.re_px,
-        },
+        "boards": [_members(board, BOARD_KEYS) for board in evaluation.boards],
+        **asdict(evaluation.pooled),
+        "without_reference": asdict(evaluation.pooled_without_reference),
         "pinholeness": evaluation.pinholeness,
-        "wrong_corners": _wrong(evaluation),
+        "wrong_corners": {
+            "count": wrong.count, "of": wrong.found, "share": wrong.share, "by_image": wrong.counts,
+            "crowded": list(wrong.crowded),
+        },
         "noise_px": calibration.camera.noise_px,
         "heldout_px": evaluation.heldout_px,
         "heldout_kfold_px": evaluation.kfold_px,
-        "opencv": {
-            name: {"insample_px": s.insample_px, "re_percent": s.re_percent, "heldout_px": s.heldout_px}
-            for name, s in evaluation.opencv.items()
-        },
-        "verdict": {
-            "level": verdict.level,
-            "sentence": verdict.sentence,
-            "coverage": verdict.coverage,
-            "residual_correlation": verdict.structure.correlation,
-            "residual_structure_p_value": verdict.structure.p_value,
-            "wrong_corners_structure_p_value": verdict.left_out.p_value,
-            "board_error_px": verdict.shared.rms_px,
-            "board_error_p_value": verdict.shared.p_value,
-            "suspicious_boards": {s.name: s.ratio for s in verdict.suspicious},
-            "next_board_px": None if verdict.next_board is None else verdict.next_board.outline.tolist(),
-        },
+        "opencv": {name: asdict(score) for name, score in evaluation.opencv.items()},
+        "verdict": _verdict(verdict),
         "details": calibration.details,
+    }  # fmt: skip
+
+
+def _members(source: object, names: Iterable[str]) -> dict[str, Any]:
+    return {name: getattr(source, name) for name in names}
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    return {
+        "level": verdict.level,
+        "sentence": verdict.sentence,
+        "coverage": verdict.coverage,
+        "residual_correlation": verdict.structure.correlation,
+        "residual_structure_p_value": verdict.structure.p_value,
+        "wrong_corners_structure_p_value": verdict.left_out.p_value,
+        "board_error_px": verdict.shared.rms_px,
+        "board_error_p_value": verdict.shared.p_value,
+        "suspicious_boards": {s.name: s.ratio for s in verdict.suspicious},
+        "next_board_px": None if verdict.next_board is None else verdict.next_board.outline.tolist(),
     }
 
 
 def print_evaluation(evaluation: Evaluation, verdict: Verdict) -> None:
-    """The evaluation for people, on standard output; lines are never broken, and coloured only on a terminal."""
+    """Print the evaluation as text on standard output; lines are never wrapped, and coloured only on a terminal."""
     from rich.console import Console
     from rich.markup import escape
 
@@ -123,7 +103,7 @@ def print_evaluation(evaluation: Evaluation, verdict: Verdict) -> None:
 
 
 def _facts(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """What is said in a line each: its name and its value."""
+    """The (name, value) pairs that are printed one per line."""
     calibration, pooled, rest = evaluation.calibration, evaluation.pooled, evaluation.pooled_without_reference
     k = calibration.camera.intrinsics
     lengths = zip(("f", "uc", "vc"), (k.f, k.uc, k.vc), calibration.intrinsics_std, strict=True)
@@ -148,12 +128,12 @@ def _facts(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def _spread(std: float) -> str:
-    """± and the standard deviation, where one is known: an imported camera brings none."""
+    """± and the standard deviation; empty if there is none, as for an imported camera."""
     return f" ± {std:.5f}" if np.isfinite(std) else ""
 
 
 def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
-    """What was found of a board that is not flat or not square, and of boards that moved: never silently."""
+    """(name, value) pairs for a board that is not flat or not square, and for boards that moved."""
     bow, stretch = calibration.details.get("board_bow_squares"), calibration.details.get("board_stretch")
     facts = []
     if isinstance(bow, float):
@@ -164,7 +144,7 @@ def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
     warp = calibration.details.get("board_warp_squares")
     if isinstance(warp, float):
         millimetres = _millimetres(warp, calibration.square_mm)
-        facts.append(("its corners", f"{warp:.4f} squares{millimetres} off beyond that, rms"))
+        facts.append(("its corners", f"{warp:.4f} squares{millimetres} RMS beyond that"))
     moved = calibration.details.get("motion_px")
     if isinstance(moved, float) and moved > 0.0:
         facts.append(("motion", f"{moved:.3f} px while the shutter rolled"))
@@ -172,20 +152,20 @@ def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
 
 
 def _set_aside(evaluation: Evaluation) -> list[str]:
-    """Boards that were found and do not count, and why; a long list is cut."""
+    """Lines on boards that were found but do not count, and why; a long list is cut."""
     aside = [b for b in evaluation.boards if b.corners and not b.used]
     lines = [f"{b.file} does not count: {b.reason}" for b in aside[:ASIDE_SHOWN]]
     more = len(aside) - len(lines)
-    return lines + ([f"{more} more do not count; --json tells why for each"] if more else [])
+    return lines + ([f"{more} more do not count; --json gives the reason for each"] if more else [])
 
 
 def _renumbered(evaluation: Evaluation) -> list[str]:
-    """Boards whose corners were numbered anew."""
+    """Lines on boards whose corners were renumbered."""
     return [f"{b.file} was {b.note}" for b in evaluation.boards if b.note]
 
 
 def _in_millimetres(length: float, calibration: Calibration) -> str:
-    """``length`` of the virtual plane in mm, where its unit is the board's square."""
+    """``length`` on the virtual plane in mm; empty unless its unit is the board's square."""
     return _millimetres(length, calibration.square_mm) if calibration.unit == "squares" else ""
 
 
@@ -194,17 +174,17 @@ def _millimetres(squares: float, square_mm: float | None) -> str:
 
 
 def _comparison(evaluation: Evaluation) -> Table:
-    """Held-out and in-sample errors, never in one column."""
+    """The table of held-out and in-sample errors, which never share a column."""
     from rich.table import Table
 
     pooled = evaluation.pooled
-    made_from_these = _boards_are_those_of_the_camera(evaluation)
+    in_sample = _is_in_sample(evaluation)
     table = Table("model", "held out, px", "in sample, px", "RE in sample, %", box=None, pad_edge=True)
     table.add_row(
         f"pinholify {evaluation.calibration.method}",
         _number(evaluation.heldout_px),
-        _number(pooled.re_px if made_from_these else None),
-        _number(pooled.re_refined_percent if made_from_these else None),
+        _number(pooled.re_px if in_sample else None),
+        _number(pooled.re_refined_percent if in_sample else None),
         style="bold",
     )
     for name, score in evaluation.opencv.items():
@@ -212,8 +192,8 @@ def _comparison(evaluation: Evaluation) -> Table:
     return table
 
 
-def _boards_are_those_of_the_camera(evaluation: Evaluation) -> bool:
-    """Whether the camera was made from these boards: on others its error is not in-sample."""
+def _is_in_sample(evaluation: Evaluation) -> bool:
+    """Whether the camera was made from exactly these boards; only then is its error in-sample."""
     known = {view.name: len(view) for view in evaluation.calibration.corner_set.views}
     return all(known.get(board.file) == board.corners for board in evaluation.boards if board.used)
 
