@@ -175,7 +175,7 @@ def test_the_map_is_the_same_from_the_smallest_and_most_oblique_reference(
 def test_many_boards_of_ordinary_size_are_taken_whole(
     scenes: dict[str, Scene], results: dict[str, JointResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pipeline, "MOST_FOR_JOINT", 1)
+    monkeypatch.setattr(pipeline, "MAX_JOINT_CORNERS", 1)
     camera = pipeline.calibrate(scenes["pinhole"].corners, reference="view00").camera
     assert camera.noise_px == results["pinhole"].noise_px
 

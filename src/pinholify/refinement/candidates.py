@@ -37,17 +37,17 @@ from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
 SCREENING_LENGTH_SCALE = 0.25  # the shortest that screening resolves, in half diagonals of the image
 FIRST_LENGTH_SCALE = 0.4
-LED_STEPS = 15  # a trend that is not at its end by then is not the lens's
-NEARLY = 0.5  # nats from its end a trend is near enough: its linearised problem knows the rest
-GRID = 15
+MAX_SCREENING_STEPS = 15  # a trend that is not at its end by then is not the lens's
+SCREENING_TOLERANCE = 0.5  # nats from its end a trend is near enough: its linearised problem knows the rest
+IMAGE_GRID = 15
 FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
-ENDS_COST = np.log(1.25)  # nats a coordinate: a trend that ends within the image has to leave a fifth less noise
-WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
-WORTH = 3.0  # nats that the process must bring for its two parameters
-BROKEN = 2.0  # times the noise that a leader promised
-DOUBT = 3.0  # nats: of trends that the corners hardly tell apart the more general promises less
-FREE = 0.01  # standard deviation of a prior that leaves a parameter free
-CONTENDERS, WINDOW = 3, 15.0  # how many of the best get a closer look, and how many nats behind the best
+ENDS_INSIDE_COST = np.log(1.25)  # nats a coordinate: a trend that ends within the image has to leave a fifth less noise
+MIN_PROCESS_RATIO = 0.05  # of the noise: a process as weak as this is no start for another trend's
+EXTENSION_COST = 3.0  # nats that the process must bring for its two parameters
+MAX_NOISE_RATIO = 2.0  # times the noise that a leader promised
+EVIDENCE_DOUBT = 3.0  # nats: of trends that the corners hardly tell apart the more general promises less
+FREE_PRIOR_STD = 0.01  # standard deviation of a prior that leaves a parameter free
+MAX_CONTENDERS, EVIDENCE_WINDOW = 3, 15.0  # how many of the best get a closer look, and how many nats behind the best
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +68,7 @@ class Setting:
     @property
     def image(self) -> Floats:
         """Points (n, 2) all over the image, and a little beyond."""
-        u, v = (FOLD_MARGIN * half * np.linspace(-1.0, 1.0, GRID) for half in self.half_size)
+        u, v = (FOLD_MARGIN * half * np.linspace(-1.0, 1.0, IMAGE_GRID) for half in self.half_size)
         return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
     def model(self, trend: Trend, basis: SineBasis | None = None) -> Model:
@@ -109,7 +109,7 @@ class Candidate:
         """What candidates are compared by: a process has to be worth its two parameters, and a trend that does not
         reach the image's corners has to be far better than one that does.
         """
-        cost = (WORTH if self.on else 0.0) + (ENDS_COST * self.problem.rows if self.ends_in_image else 0.0)
+        cost = (EXTENSION_COST if self.on else 0.0) + (ENDS_INSIDE_COST * self.problem.rows if self.ends_in_image else 0.0)
         return self.log_evidence - cost
 
 
@@ -143,9 +143,9 @@ def solve_trend(
     return minimise(model, state, seen, model.trend_precision(), Loss(), most_steps=most_steps, tolerance=tolerance)
 
 
-def led(setting: Setting, trend: Trend, known: Solution, seen: Observations) -> Solution | None:
+def solve_thinned(setting: Setting, trend: Trend, known: Solution, seen: Observations) -> Solution | None:
     """:func:`solve_trend` for some of the corners, and the one step that makes up for what the others say."""
-    near = solve_trend(setting, trend, known, seen.thinned(), tolerance=NEARLY)
+    near = solve_trend(setting, trend, known, seen.thinned(), tolerance=SCREENING_TOLERANCE)
     if near is None:
         return None
     return minimise(near.model, near.state, seen, near.model.trend_precision(), Loss(), most_steps=1)
@@ -174,7 +174,7 @@ class Solved:
 
 def solve(setting: Setting, search: Search, known: Solution, seen: Observations) -> Solved | None:
     """``search`` without process; None where it does not fit."""
-    solution = solve_trend(setting, search.general, known, seen, most_steps=LED_STEPS, tolerance=NEARLY)
+    solution = solve_trend(setting, search.general, known, seen, most_steps=MAX_SCREENING_STEPS, tolerance=SCREENING_TOLERANCE)
     if solution is None:
         return None
     try:
@@ -221,7 +221,7 @@ def _generality(trend: Trend) -> tuple[int, int, int]:
     """The order of its radial law, of which a wrong one costs most; how many parameters its prior leaves free; and less
     the more others it has, which are not to be had for nothing.
     """
-    free = int((trend.prior_std > FREE).sum())
+    free = int((trend.prior_std > FREE_PRIOR_STD).sum())
     return trend.order, free, free - len(trend.prior_std)
 
 
@@ -263,11 +263,11 @@ def candidates(
             yield each.plain
             if sufficient:
                 continue
-            found = _with_process(setting, each, start, seen, best - WINDOW)
+            found = _with_process(setting, each, start, seen, best - EVIDENCE_WINDOW)
             if found is None:
                 continue
             yield found
-            sufficient = found.log_evidence < each.plain.log_evidence + WORTH
+            sufficient = found.log_evidence < each.plain.log_evidence + EXTENSION_COST
             if start is None or found.score > best:
                 start = _strong_enough(found.hyperparameters)
             best = max(best, found.score)
@@ -281,7 +281,7 @@ def _first_guess(setting: Setting, plain: Candidate) -> Hyperparameters:
 
 def _strong_enough(hyperparameters: Hyperparameters) -> Hyperparameters | None:
     """None where the process has died, from where no search finds back."""
-    return hyperparameters if np.exp(hyperparameters.kernel[0]) > WEAK * hyperparameters.noise else None
+    return hyperparameters if np.exp(hyperparameters.kernel[0]) > MIN_PROCESS_RATIO * hyperparameters.noise else None
 
 
 def _with_process(
@@ -348,8 +348,8 @@ def contest(
     looks: dict[Search, Candidate | None] = {}
     for leader in ranked:
         held = [found for found in looks.values() if found]
-        near = leader.on or leader.score > ranked[0].score - WINDOW  # a strong process is not nearly linear
-        if len(held) >= CONTENDERS or (held and not near):
+        near = leader.on or leader.score > ranked[0].score - EVIDENCE_WINDOW  # a strong process is not nearly linear
+        if len(held) >= MAX_CONTENDERS or (held and not near):
             break
         if (around := leader.trend.around()) not in looks:
             looks[around] = _closer(setting, leader, orders, seen)
@@ -362,7 +362,7 @@ def _by_doubt(finalists: list[Candidate]) -> list[Candidate]:
 
     Trends that fit alike may be pixels apart where no two boards tell, and each one's error bars know only itself.
     """
-    limit = max((candidate.score for candidate in finalists), default=0.0) - DOUBT
+    limit = max((candidate.score for candidate in finalists), default=0.0) - EVIDENCE_DOUBT
     by_score = sorted(finalists, key=lambda candidate: -candidate.score)
     doubtful = [candidate for candidate in by_score if candidate.score >= limit]
     return sorted(doubtful, key=lambda candidate: candidate.generality, reverse=True) + by_score[len(doubtful) :]
@@ -382,15 +382,15 @@ def _closer(
 ) -> Candidate | None:
     """The best trend around ``leader``, linearised where that is solved; None where it leaves far more than there."""
     search = leader.trend.around()
-    solution = led(setting, search.general, leader.origin, seen)
+    solution = solve_thinned(setting, search.general, leader.origin, seen)
     if solution is None:
         return None
     trends = [trend for trend in search.within if trend.order in orders]
     basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if leader.on else no_basis(setting.half_size)
     whole = linearise_with(setting, solution, basis, seen)
-    found = [_without_process(setting, solution, whole.without_process(), trends, leader.hyperparameters.noise, DOUBT)]
+    found = [_without_process(setting, solution, whole.without_process(), trends, leader.hyperparameters.noise, EVIDENCE_DOUBT)]
     if leader.on:
-        found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters, doubt=DOUBT))
+        found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters, doubt=EVIDENCE_DOUBT))
     best = next(iter(_by_doubt([candidate for candidate in found if candidate])), None)
-    holds = best is not None and best.hyperparameters.noise < BROKEN * leader.hyperparameters.noise
+    holds = best is not None and best.hyperparameters.noise < MAX_NOISE_RATIO * leader.hyperparameters.noise
     return best if holds else None

@@ -15,15 +15,15 @@ from pinholify.refinement.observations import Observations
 from pinholify.refinement.outliers import consistent, locally_consistent, misfitting_boards, with_enough
 from pinholify.refinement.settle import Settled, settle
 from pinholify.refinement.solver import Loss, Solution, lengths, minimise, robust_scale
-from pinholify.refinement.start import ROBUST, STEPS, reposed
+from pinholify.refinement.start import ROBUST_LOSS, START_STEPS, reposed
 from pinholify.refinement.trust import trusts
 
-ROUNDS = 3
-HALF = 0.5
-FAR = 4.0  # robust standard deviations, beyond which honest corners have a small part of the squares
-RAISED = 1.2  # times what the agreeing corners leave: no few honest ones at a strong lens's edge do that
-UNEVEN = 1.1  # times a weight, below which a change is not worth another solve
-NOISIER = 1.02  # times the noise, above which wrong corners hid some of the lens from the choice of the trend
+MAX_ROUNDS = 3
+MIN_AGREEING_SHARE = 0.5
+FAR_LIMIT = 4.0  # robust standard deviations, beyond which honest corners have a small part of the squares
+SPOILT_NOISE_RATIO = 1.2  # times what the agreeing corners leave: no few honest ones at a strong lens's edge do that
+MIN_WEIGHT_RATIO = 1.1  # times a weight, below which a change is not worth another solve
+RECHOICE_NOISE_RATIO = 1.02  # times the noise, above which wrong corners hid some of the lens from the choice of the trend
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,12 +55,12 @@ def screen(first: Solution, everything: Observations) -> tuple[Observations, Sol
 def _screened(first: Solution, everything: Observations) -> tuple[Observations, Solution]:
     keep = locally_consistent(first.model.predict(first.state, everything).residual, everything)
     share = everything.sums(keep.astype(float)) / everything.sums(np.ones(len(keep)))
-    keep = with_enough(everything, keep & (share >= HALF)[everything.view])
+    keep = with_enough(everything, keep & (share >= MIN_AGREEING_SHARE)[everything.view])
     if not keep.any():
         raise CalibrationError("no board's corners agree with the others': look for a wrong board size")
     seen = everything.select(keep)
     state = first.state.of_boards(np.isin(np.arange(everything.boards), everything.view[keep]))
-    known = minimise(first.model, state, seen.thinned(), first.model.trend_precision(), ROBUST, most_steps=STEPS)
+    known = minimise(first.model, state, seen.thinned(), first.model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS)
     if known is None:
         raise CalibrationError("the joint solve broke down at its start: look for a wrong board size")
     return seen, known
@@ -70,11 +70,11 @@ def spoilt(solution: Solution, seen: Observations) -> bool:
     """Whether corners that do not agree with their neighbours raise the noise that ``solution`` leaves."""
     residual = solution.model.predict(solution.state, seen).residual
     length = lengths(residual, seen.weight)
-    squared, near = length**2, length < FAR * robust_scale(length)
-    if squared.sum() <= RAISED**2 * squared[near].sum():
+    squared, near = length**2, length < FAR_LIMIT * robust_scale(length)
+    if squared.sum() <= SPOILT_NOISE_RATIO**2 * squared[near].sum():
         return False
     keep = locally_consistent(residual, seen)
-    return bool(squared.sum() > RAISED**2 * squared[keep].sum())
+    return bool(squared.sum() > SPOILT_NOISE_RATIO**2 * squared[keep].sum())
 
 
 def clean(setting: Setting, best: Candidate, seen: Observations, everything: Observations) -> Cleaned:
@@ -83,7 +83,7 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
     """
     settled = settle(setting, best, seen)
     first_noise, given, trust = settled.hyperparameters.noise, everything, np.ones(everything.boards)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         before, trust = trust, _trusted(settled, seen, everything, trust)
         everything = given.weighted(trust)
         state, residual = _judged(settled, seen, everything)
@@ -105,7 +105,7 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
         settled,
         seen,
         everything,
-        _apart(trust, np.ones(1)) or first_noise > NOISIER * settled.hyperparameters.noise,
+        _apart(trust, np.ones(1)) or first_noise > RECHOICE_NOISE_RATIO * settled.hyperparameters.noise,
         {name: residual[inside[name]] for name in seen.names},
         {name: inlier[inside[name]] for name in seen.names},
         misfits,
@@ -122,7 +122,7 @@ def _trusted(settled: Settled, seen: Observations, everything: Observations, pre
 
 
 def _apart(weights: Floats, others: Floats) -> bool:
-    return bool(np.abs(np.log(weights / others)).max() > np.log(UNEVEN))
+    return bool(np.abs(np.log(weights / others)).max() > np.log(MIN_WEIGHT_RATIO))
 
 
 def _judged(settled: Settled, seen: Observations, everything: Observations) -> tuple[State, Floats]:
@@ -142,7 +142,7 @@ def _judged(settled: Settled, seen: Observations, everything: Observations) -> t
     aside = ~used & (everything.sums((~seen_at_all).astype(float)) == 0)
     if aside.any():
         some = everything.select(aside[everything.view])
-        loss = Loss(settled.hyperparameters.noise, ROBUST.huber)
+        loss = Loss(settled.hyperparameters.noise, ROBUST_LOSS.huber)
         posed = minimise(model, state.of_boards(aside), some, settled.precision, loss, poses_only=True)
         if posed is not None:
             rotations, translations, motions = poses

@@ -17,13 +17,13 @@ from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.board import Board, lattice, outline
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
-from pinholify.geometry import Pose, cross_matrices, inverse_2x2, rotations_of
+from pinholify.geometry import POSE_DOF, Pose, cross_matrices, inverse_2x2, rotations_of
 from pinholify.refinement.maps import JointMap
 
 NEIGHBOURS = 8
-GRID = 12  # points of the image along each axis over which the next board's gain is averaged
-ENOUGH_CORNERS = 45  # of a board, each standing for several, tell what all of them would bring
-SUSPICIOUS = 1e-4  # probability of so large a misfit, once corrected for the number of boards
+GRID_POINTS = 12  # points of the image along each axis over which the next board's gain is averaged
+SAMPLED_CORNERS = 45  # of a board, each standing for several, tell what all of them would bring
+SUSPICIOUS_P_VALUE = 1e-4  # probability of so large a misfit, once corrected for the number of boards
 
 
 class Residuals(Protocol):
@@ -120,10 +120,10 @@ def suspicious_boards(result: Residuals, corners: CornerSet) -> list[BoardSuspic
             continue
         keep = result.inliers[view.name]
         whitened = result.residuals[view.name][keep] * view.weights[keep, None] / result.noise_px
-        freedom = max(whitened.size - 6, 1)
+        freedom = max(whitened.size - POSE_DOF, 1)
         misfit = float((whitened**2).sum())
         p_value = min(1.0, float(gammaincc(freedom / 2.0, misfit / 2.0)) * len(result.residuals))
-        if p_value < SUSPICIOUS:
+        if p_value < SUSPICIOUS_P_VALUE:
             found.append(BoardSuspicion(view.name, float(np.sqrt(misfit / freedom)), p_value))
     return sorted(found, key=lambda suspicion: -suspicion.ratio)
 
@@ -157,7 +157,7 @@ def next_board(
     plane_map = camera.plane_map
     if not isinstance(plane_map, JointMap):
         return None
-    grid = _px_features(plane_map, _image_grid(camera.image_size, GRID))
+    grid = _px_features(plane_map, _image_grid(camera.image_size, GRID_POINTS))
     spread = grid[np.isfinite(grid).all(axis=(1, 2))].reshape(-1, len(plane_map.root)) @ plane_map.root
     variance = float((spread**2).sum())
     best, most = None, -1.0
@@ -216,10 +216,10 @@ def _explained(
     """How much a board at ``pose``, its corners seen at ``uv``, takes off the sum of squares of ``spread`` (m, r): what
     a root of the covariance moves. None where the map has no ray at one of the corners.
     """
-    every = max(1, len(uv) // ENOUGH_CORNERS)
+    every = max(1, len(uv) // SAMPLED_CORNERS)
     xyz, uv = pose.apply(lattice(board))[::every], uv[::every]
     by_point = inverse_2x2(plane_map.jacobian(uv)) @ camera.chart.coordinate_jacobian(xyz)
-    own = np.concatenate([-by_point @ cross_matrices(xyz - pose.translation), by_point], axis=2).reshape(-1, 6)
+    own = np.concatenate([-by_point @ cross_matrices(xyz - pose.translation), by_point], axis=2).reshape(-1, POSE_DOF)
     rows = _px_features(plane_map, uv).reshape(len(own), -1) @ plane_map.root
     if not (np.isfinite(own).all() and np.isfinite(rows).all()):
         return None

@@ -12,14 +12,14 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from pinholify.arrays import Floats
-from pinholify.geometry import inverse_2x2
-from pinholify.refinement.maps import POSE, JointMap
+from pinholify.geometry import POSE_DOF, inverse_2x2
+from pinholify.refinement.maps import JointMap
 from pinholify.refinement.model import Linearisation
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.settle import Settled
 
-PLACES = 24  # pixels whose rays are asked
-SURE = 3.0  # standard deviations beyond chance
+PROBE_PIXELS = 24  # pixels whose rays are asked
+SIGNIFICANT_STDS = 3.0  # standard deviations beyond chance
 
 
 def disagreement(settled: Settled, seen: Observations, plane_map: JointMap) -> float:
@@ -43,13 +43,13 @@ def disagreement(settled: Settled, seen: Observations, plane_map: JointMap) -> f
 
 
 def _rays(plane_map: JointMap, seen: Observations, unknowns: int) -> Floats:
-    """∂(rays at some of the corners, in px, the turn that they share taken out)/∂θ: (2 PLACES, D)."""
-    every = max(1, len(seen.image) // PLACES)
+    """∂(rays at some of the corners, in px, the turn that they share taken out)/∂θ: (2 PROBE_PIXELS, D)."""
+    every = max(1, len(seen.image) // PROBE_PIXELS)
     uv = plane_map.frame.restore(seen.image[::every])
     to_px = inverse_2x2(plane_map.jacobian(uv))  # not finite where the map is not one to one
     features = (to_px @ plane_map.features(uv)).reshape(2 * len(uv), -1)
     features = features[np.isfinite(features).all(axis=1)]
-    by_rest, turns = features[:, :-POSE], features[:, -POSE:-3]
+    by_rest, turns = features[:, :-POSE_DOF], features[:, -POSE_DOF:-3]
     rays = np.zeros((len(features), unknowns))
     rays[:, : by_rest.shape[1]] = by_rest - turns @ (np.linalg.pinv(turns) @ by_rest)
     return rays
@@ -72,4 +72,4 @@ def _factor(pulls: Floats, spreads: Floats) -> float:
     spreads = spreads[:, asked][:, :, asked] * (scale[:, None] * scale)
     found = float(((pulls[:, asked] * scale) ** 2).sum()) * len(pulls) / (len(pulls) - 1.0)
     chance = float(np.sqrt(2.0 * (spreads**2).sum()))
-    return float(np.sqrt(found)) if found > 1.0 + SURE * chance else 1.0
+    return float(np.sqrt(found)) if found > 1.0 + SIGNIFICANT_STDS * chance else 1.0

@@ -41,10 +41,10 @@ from pinholify.refinement.start import first_solution, given_lens
 from pinholify.refinement.trends import Search, searches_named
 from pinholify.refinement.warp import warp_of, warp_rms
 
-SHORTEST = 4.0  # typical distances between neighbouring corners of one board
+SHORTEST_LENGTH_SCALE = 4.0  # typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
-EXTENSIONS = 2  # of the model, as one may hide another
-COVERED = 0.995  # of the corners: some that were found far off do not count
+MAX_EXTENSIONS = 2  # of the model, as one may hide another
+COVERED_QUANTILE = 0.995  # of the corners: some that were found far off do not count
 SECOND_CHOICES = 8  # candidates that get a chance where no finalist can be solved
 
 Progress = Callable[[str], None]
@@ -83,7 +83,7 @@ def refine(
         board_shape(corner_set.board),
         frame.half_size,
         _covered(everything),
-        SHORTEST * _spacing(everything),
+        SHORTEST_LENGTH_SCALE * _spacing(everything),
     )
     first, fits = first_solution(setting, everything.thinned(), given)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
@@ -110,7 +110,7 @@ def _extended(
     """The finalists, the corners that chose among them, and the finished solve, its model extended where that asks."""
     seen, known = screen(first, everything)
     finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
-    for extension in range(EXTENSIONS):
+    for extension in range(MAX_EXTENSIONS):
         richer = _richer(setting, cleaned, say)
         if richer is setting and (extension or not cleaned.rechoose):
             break
@@ -200,7 +200,7 @@ def _spacing(seen: Observations) -> float:
 def _covered(seen: Observations) -> Floats:
     """Corners, those farthest from the image's middle left out: they may be wrong."""
     radius = np.linalg.norm(seen.image, axis=1)
-    return np.asarray(seen.image[radius <= np.quantile(radius, COVERED)])
+    return np.asarray(seen.image[radius <= np.quantile(radius, COVERED_QUANTILE)])
 
 
 def _per_px(log_evidence: float, seen: Observations, frame: ImageFrame) -> float:

@@ -15,7 +15,7 @@ from pinholify.charts import (
     directions_to_angles,
     directions_to_angles_jacobian,
 )
-from pinholify.geometry import cross_matrices, inverse_2x2
+from pinholify.geometry import POSE_DOF, cross_matrices, inverse_2x2
 from pinholify.refinement.basis import SineBasis
 from pinholify.refinement.observations import ImageFrame
 from pinholify.refinement.trends import Trend
@@ -23,8 +23,8 @@ from pinholify.refinement.trends import Trend
 if TYPE_CHECKING:  # loads SciPy
     from pinholify.gp.maps import Nearby
 
-POSE = 6
-AT_ONCE = 4096  # pixels, of which features are held in memory
+
+MAX_PIXELS_AT_ONCE = 4096  # pixels, of which features are held in memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +55,7 @@ class JointMap:
     disagreement: float = 1.0
 
     def __post_init__(self) -> None:
-        unknowns = 2 * len(self.basis) + len(self.beta) + POSE
+        unknowns = 2 * len(self.basis) + len(self.beta) + POSE_DOF
         shapes: dict[str, tuple[int | None, ...]] = {
             "beta": (None,),
             "weights": (len(self.basis), 2),
@@ -86,16 +86,16 @@ class JointMap:
 
     def covariance_up_to_turn(self, uv: Floats) -> Floats:
         """Covariance of q (n, 2, 2) once each error of the map is turned back as well as it goes, over all corners."""
-        turned = np.concatenate([self.root[:-POSE], self.turn_root, np.zeros_like(self.turn_root)])
+        turned = np.concatenate([self.root[:-POSE_DOF], self.turn_root, np.zeros_like(self.turn_root)])
         return self._covariances(uv, self._slopes_of_angles, turned)
 
     def with_turn_fitted(self, uv: Floats) -> JointMap:
         """The same map with :attr:`turn_root` fitted to its errors at pixels ``uv`` (n, 2)."""
         features = self.features(uv)
         features = features[np.isfinite(features).all(axis=(1, 2))]  # a trend may end short of a corner
-        turns = features[:, :, -POSE:-3].reshape(-1, 3)
-        back = np.linalg.pinv(turns) @ features[:, :, :-POSE].reshape(len(turns), -1)
-        return replace(self, turn_root=-back @ self.root[:-POSE])
+        turns = features[:, :, -POSE_DOF:-3].reshape(-1, 3)
+        back = np.linalg.pinv(turns) @ features[:, :, :-POSE_DOF].reshape(len(turns), -1)
+        return replace(self, turn_root=-back @ self.root[:-POSE_DOF])
 
     def with_disagreement(self, factor: float) -> JointMap:
         """The same map where the boards disagree ``factor`` times as much as their noise explains."""
@@ -134,7 +134,7 @@ class JointMap:
         """∂(f, uc, vc)/∂unknowns of :attr:`root`, (3, D + 6)."""
         centre = self.rotation.T @ np.column_stack([cross_matrices(self.translation[None])[0], np.eye(3)])
         features = np.zeros((3, len(self.root)))
-        features[:, -POSE:] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]) @ centre
+        features[:, -POSE_DOF:] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]) @ centre
         return features
 
     def virtual_features(self, uv: Floats) -> Floats:
@@ -224,4 +224,4 @@ class JointMap:
 
 def _in_parts(function: Callable[[Floats], Floats], uv: Floats) -> Floats:
     """``function`` of pixels (n, 2), of so many at a time as memory holds the features of."""
-    return np.concatenate([function(some) for some in np.array_split(uv, len(uv) // AT_ONCE + 1)])
+    return np.concatenate([function(some) for some in np.array_split(uv, len(uv) // MAX_PIXELS_AT_ONCE + 1)])

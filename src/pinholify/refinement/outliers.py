@@ -9,16 +9,16 @@ from scipy.spatial import cKDTree
 
 from pinholify.arrays import Bools, Floats
 from pinholify.board import Board
-from pinholify.calibration.numbering import FEWEST_CORNERS, counted_backwards
+from pinholify.calibration.numbering import FEWEST_CORNERS, numbered_backwards
 from pinholify.corners import SAME, Corners, repeated
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.solver import lengths, robust_scale
 
 NEIGHBOURS = 16
 LOCAL_LIMIT = 6.0  # robust standard deviations from what the neighbours leave
-LIMIT = 4.5  # standard deviations: one in 25 000 honest corners lies farther out
-WORST_FRACTION = 0.3  # of a board's corners beyond the limit
-WORST_RATIO = 3.0  # of a board's residuals to those of all
+OUTLIER_LIMIT = 4.5  # standard deviations: one in 25 000 honest corners lies farther out
+MAX_OUTLIER_SHARE = 0.3  # of a board's corners beyond the limit
+MAX_RESIDUAL_RATIO = 3.0  # of a board's residuals to those of all
 
 
 def usable_views(views: Iterable[Corners], board: Board, mirrored: bool) -> tuple[list[Corners], dict[str, str]]:
@@ -40,7 +40,7 @@ def _unusable(view: Corners, board: Board, mirrored: bool) -> str:
     lattice = view.lattice(board)
     if np.linalg.matrix_rank(lattice - lattice.mean(axis=0), tol=1e-6) < 2:
         return "all corners on one line"
-    if counted_backwards(view, board, mirrored):
+    if numbered_backwards(view, board, mirrored):
         return "numbered as a reflection of the others: one axis is reversed"
     return ""
 
@@ -60,7 +60,7 @@ def locally_consistent(residual: Floats, seen: Observations) -> Bools:
 
 def consistent(residual: Floats, noise: float, seen: Observations) -> Bools:
     """Which corners (N,) lie within the limit of what the finished model predicts."""
-    return np.asarray(lengths(residual, seen.weight) <= LIMIT * noise)
+    return np.asarray(lengths(residual, seen.weight) <= OUTLIER_LIMIT * noise)
 
 
 def with_enough(seen: Observations, keep: Bools) -> Bools:
@@ -71,13 +71,13 @@ def with_enough(seen: Observations, keep: Bools) -> Bools:
 def misfitting_boards(residual: Floats, noise: float, seen: Observations) -> dict[int, str]:
     """Boards by index that as a whole do not fit the model, with the reason."""
     length = np.nan_to_num(lengths(residual, seen.weight) / noise, nan=np.inf)
-    far = seen.sums((length > LIMIT).astype(float)) / seen.sums(np.ones(len(length)))
+    far = seen.sums((length > OUTLIER_LIMIT).astype(float)) / seen.sums(np.ones(len(length)))
     found = {}
     for k, rows in enumerate(seen.slices()):
         ratio = robust_scale(length[rows])
-        if far[k] > WORST_FRACTION or ratio > WORST_RATIO:
+        if far[k] > MAX_OUTLIER_SHARE or ratio > MAX_RESIDUAL_RATIO:
             found[k] = (
-                f"{far[k]:.0%} of its corners lie more than {LIMIT:g} standard deviations off, its residuals are "
+                f"{far[k]:.0%} of its corners lie more than {OUTLIER_LIMIT:g} standard deviations off, its residuals are "
                 f"{ratio:.1f} times those of the others: it moved while exposing, or is numbered wrongly"
             )
     return found

@@ -12,15 +12,15 @@ from pinholify.arrays import Bools, Floats
 from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import AngleChart, Intrinsics
 from pinholify.corners import Corners
-from pinholify.geometry import Pose, convex_hull
-from pinholify.refinement.maps import POSE, JointMap
+from pinholify.geometry import POSE_DOF, Pose, convex_hull
+from pinholify.refinement.maps import JointMap
 from pinholify.refinement.observations import ImageFrame, Observations
-from pinholify.refinement.outliers import LIMIT
+from pinholify.refinement.outliers import OUTLIER_LIMIT
 from pinholify.refinement.settle import Settled
 from pinholify.refinement.shape import BEND, STRETCH, WARP
 from pinholify.refinement.solver import lengths
 
-ENOUGH_TO_TURN = 1000  # corners to fit three angles to
+TURN_CORNERS = 1000  # corners to fit three angles to
 DOMAIN_STD = 5.0  # standard deviations of a corner (as boards disagree by), beyond which the map is not believed
 
 
@@ -90,7 +90,7 @@ class JointResult:
         if solved is view:
             return self.inliers[view.name]
         projected = self.camera.project(self.poses[view.name].apply(points[view.ids]))
-        return lengths(projected - view.uv, view.weights) <= LIMIT * self.board_noise_px[view.name]
+        return lengths(projected - view.uv, view.weights) <= OUTLIER_LIMIT * self.board_noise_px[view.name]
 
     @property
     def intrinsics_std(self) -> Floats:
@@ -118,7 +118,7 @@ def joint_map(settled: Settled, seen: Observations, frame: ImageFrame, reference
         root,
         np.zeros((3, root.shape[1])),
     )
-    every = max(1, len(seen.image) // ENOUGH_TO_TURN)
+    every = max(1, len(seen.image) // TURN_CORNERS)
     return joint.with_turn_fitted(frame.restore(seen.image[::every]))
 
 
@@ -134,7 +134,7 @@ def covariance_root(settled: Settled, board: int) -> Floats:
         scale[:, None]
         * solve_triangular(np.linalg.cholesky(whitened), np.eye(len(scale)), lower=True, check_finite=False).T
     )
-    back = equations.inverse_roots[board].T[:POSE]
+    back = equations.inverse_roots[board].T[:POSE_DOF]
     pose = np.concatenate([-back @ (equations.cross[board] @ globals_root), noise * back], axis=1)
     kept = len(scale) - len(settled.model.shape.prior_std)
     widened = np.concatenate([globals_root[:kept], np.zeros((kept, back.shape[1]))], axis=1)

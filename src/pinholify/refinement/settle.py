@@ -8,8 +8,8 @@ import numpy as np
 
 from pinholify.arrays import Floats
 from pinholify.errors import CalibrationError
-from pinholify.refinement.basis import REACH, SineBasis, no_basis, sine_basis
-from pinholify.refinement.candidates import SCREENING_LENGTH_SCALE, WORTH, Candidate, Setting, solve_trend
+from pinholify.refinement.basis import MAX_FREQUENCY, SineBasis, no_basis, sine_basis
+from pinholify.refinement.candidates import EXTENSION_COST, SCREENING_LENGTH_SCALE, Candidate, Setting, solve_trend
 from pinholify.refinement.evidence import Hyperparameters, Linearised, linearised, maximise_evidence, posterior
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.motion import motion_of
@@ -20,12 +20,12 @@ from pinholify.refinement.solver import Loss, Solution, measured, minimise
 from pinholify.refinement.spectral import LogDensity
 from pinholify.refinement.warp import refitted
 
-ROUNDS = 6
-SETTLED = 0.02  # change of any log hyperparameter
-UNSEEN = 0.3  # of the noise: what the functions may leave out of the process, as a standard deviation
-SAFETY = 0.9  # length scales down to this part of the present one are carried
-FINEST = 0.11  # half diagonals: what 500 functions carry
-STEPS, CONVERGED = 20, 0.02  # nats that the last step promises; it is taken, and leaves far less
+MAX_ROUNDS = 6
+LOG_TOLERANCE = 0.02  # change of any log hyperparameter
+UNSEEN_NOISE_SHARE = 0.3  # of the noise: what the functions may leave out of the process, as a standard deviation
+LENGTH_SCALE_MARGIN = 0.9  # length scales down to this part of the present one are carried
+FINEST_LENGTH_SCALE = 0.11  # half diagonals: what 500 functions carry
+MAX_STEPS, MIN_GAIN = 20, 0.02  # nats that the last step promises; it is taken, and leaves far less
 
 
 class SolveError(CalibrationError):
@@ -68,10 +68,10 @@ def best_shape(setting: Setting, candidate: Candidate) -> tuple[BoardShape, Cand
             setting.density,
             candidate.hyperparameters,
             shortest=setting.shortest,
-            resolved=FINEST,
+            resolved=FINEST_LENGTH_SCALE,
             most=6,
         )
-        cost = WORTH * shape.options
+        cost = EXTENSION_COST * shape.options
         found.append((fit.log_evidence - cost, shape, fit.hyperparameters))
     _, shape, hyperparameters = max(found, key=lambda each: each[0])
     return shape, replace(candidate, hyperparameters=hyperparameters)
@@ -87,7 +87,7 @@ def settle(
     """
     hyperparameters, (state, before) = candidate.hyperparameters, known or _promised(setting, candidate, seen)
     resolved, shape, motion = _resolved(hyperparameters), setting.shape, setting.motion
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         basis = _basis(setting, hyperparameters, resolved)
         state, before = replace(state, weights=_carried(state.weights, before, basis)), basis
         settled = _solve(Model(candidate.trend, basis, shape, motion), setting.density, state, seen, hyperparameters)
@@ -106,10 +106,10 @@ def settle(
             motion = motion_of(settled.solution, seen) or motion
         moved = np.abs(np.append(_logarithms(hyperparameters), np.log(shape.prior_std)) - present).max()
         finest = _finest_detail(hyperparameters)
-        crowded = resolved > FINEST and SAFETY**0.5 * finest < resolved
-        if moved < SETTLED and not crowded:
+        crowded = resolved > FINEST_LENGTH_SCALE and LENGTH_SCALE_MARGIN**0.5 * finest < resolved
+        if moved < LOG_TOLERANCE and not crowded:
             break
-        if crowded or finest > 2.0 * resolved / SAFETY:
+        if crowded or finest > 2.0 * resolved / LENGTH_SCALE_MARGIN:
             resolved = _resolved(hyperparameters)
     frequencies = settled.model.basis.frequencies
     precision = hyperparameters.precision(setting.density, frequencies, settled.problem.precision)
@@ -145,7 +145,7 @@ def _solve(
     prior, frequencies, noise = model.trend_precision(), model.basis.frequencies, hyperparameters.noise
     precision, loss = hyperparameters.precision(density, frequencies, prior), Loss(noise)
     here, damped = _found(measured(model, state, seen, precision, loss), model), False
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         linear = model.linearise(here.state, seen, here.prediction)
         equations = eliminate(linear, here.prediction.residual, seen.weight**2, seen)
         problem = linearised(equations, seen.boards, here.state.globals, frequencies, prior)
@@ -155,10 +155,10 @@ def _solve(
         there = measured(model, here.state.moved(step, equations.pose_steps(step)), seen, precision, loss)
         if there is not None and there.objective <= here.objective:
             here = there
-        elif not damped and promised >= CONVERGED:
-            here, damped = _found(minimise(model, here.state, seen, precision, loss, most_steps=STEPS), model), True
+        elif not damped and promised >= MIN_GAIN:
+            here, damped = _found(minimise(model, here.state, seen, precision, loss, most_steps=MAX_STEPS), model), True
             continue
-        if damped or promised < CONVERGED:
+        if damped or promised < MIN_GAIN:
             break
     return Settled(model, here, equations, problem, hyperparameters, -np.inf, precision)
 
@@ -179,7 +179,7 @@ def _found(solution: Solution | None, model: Model) -> Solution:
 
 
 def _resolved(hyperparameters: Hyperparameters) -> float:
-    return max(FINEST, SAFETY * _finest_detail(hyperparameters))
+    return max(FINEST_LENGTH_SCALE, LENGTH_SCALE_MARGIN * _finest_detail(hyperparameters))
 
 
 def _finest_detail(hyperparameters: Hyperparameters) -> float:
@@ -189,9 +189,9 @@ def _finest_detail(hyperparameters: Hyperparameters) -> float:
     """
     if not len(hyperparameters.kernel):
         return np.inf
-    shown = np.exp(hyperparameters.kernel[0]) / (UNSEEN * hyperparameters.noise)
+    shown = np.exp(hyperparameters.kernel[0]) / (UNSEEN_NOISE_SHARE * hyperparameters.noise)
     needed = 2.0 * np.sqrt(np.log(max(shown, 1.0)))
-    return float(np.exp(hyperparameters.kernel[1:].min()) * REACH / max(needed, REACH))
+    return float(np.exp(hyperparameters.kernel[1:].min()) * MAX_FREQUENCY / max(needed, MAX_FREQUENCY))
 
 
 def _basis(setting: Setting, hyperparameters: Hyperparameters, resolved: float) -> SineBasis:

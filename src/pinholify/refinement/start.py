@@ -19,6 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
+from pinholify.calibration.numbering import FEWEST_CORNERS
 from pinholify.camera import VirtualCamera
 from pinholify.charts import AngleChart, angles_to_directions, directions_to_angles
 from pinholify.errors import CalibrationError, InputError
@@ -31,15 +32,15 @@ from pinholify.refinement.solver import Loss, Solution, minimise
 from pinholify.refinement.trends import Angles, LensTrend
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
-CORNER_ANGLES = np.deg2rad([6, 10, 15, 20, 26, 32, 38, 45, 52, 60, 70, 80, 90, 100, 115])
-SHAPES = (1.0, 0.5, 0.0, -0.7)  # the sign is that of a²
+CORNER_ANGLES_RAD = np.deg2rad([6, 10, 15, 20, 26, 32, 38, 45, 52, 60, 70, 80, 90, 100, 115])
+LENS_SHAPES = (1.0, 0.5, 0.0, -0.7)  # the sign is that of a²
 SCAN_BOARDS = 16
-FEWEST_CORNERS = 6
-STEPS = 10  # a trend that is not found by then is not the lens's, and is found no better with more
+
+START_STEPS = 10  # a trend that is not found by then is not the lens's, and is found no better with more
 MISFIT_RATIO = 5.0  # boards that fit this much worse than the middle one wait until the camera is known
-LENSES = 2  # that the scan hands on
-ROBUST = Loss(None, 3.0)
-CLEARLY = 1.2  # times the noise of another start
+LENSES_KEPT = 2  # that the scan hands on
+ROBUST_LOSS = Loss(None, 3.0)
+CLEAR_NOISE_RATIO = 1.2  # times the noise of another start
 LEVELLING_GRID = 12  # pixels along each side of the image
 
 
@@ -148,8 +149,8 @@ def simple_lenses() -> list[SimpleLens]:
     """All lenses of the scan; a pinhole's corner stands at less than 90°."""
     return [
         SimpleLens(float(angle), shape)
-        for angle in CORNER_ANGLES
-        for shape in SHAPES
+        for angle in CORNER_ANGLES_RAD
+        for shape in LENS_SHAPES
         if shape <= 0 or shape * angle < 0.9 * np.pi / 2
     ]
 
@@ -223,15 +224,15 @@ def first_solution(setting: Setting, seen: Observations, given: GivenLens | None
     model = setting.model(LensTrend(Angles(), True, 2, tangent=False))
     led = None if given is None else _from_given(model, given, seen)
     try:
-        found = _from_lenses(model, scan(seen, LENSES), seen)
+        found = _from_lenses(model, scan(seen, LENSES_KEPT), seen)
     except CalibrationError:
         if led is None:
             raise
         return led, True
     if led is None:
         return found, False
-    better = CLEARLY * led.noise < found.noise
-    return led if better else found, led.noise <= CLEARLY * found.noise
+    better = CLEAR_NOISE_RATIO * led.noise < found.noise
+    return led if better else found, led.noise <= CLEAR_NOISE_RATIO * found.noise
 
 
 def _from_given(model: Model, given: GivenLens, seen: Observations) -> Solution | None:
@@ -255,7 +256,7 @@ def _of_all_boards(found: Solution, seen: Observations) -> Solution:
     """``found``, from some of the boards, with the poses of all, refined."""
     model = found.model
     everybody = reposed(model, found.state, seen)
-    return minimise(model, everybody, seen, model.trend_precision(), ROBUST, most_steps=STEPS) or found
+    return minimise(model, everybody, seen, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS) or found
 
 
 def _solve_from(model: Model, lens: Lens, seen: Observations) -> Solution | None:
@@ -270,7 +271,7 @@ def _solve_from(model: Model, lens: Lens, seen: Observations) -> Solution | None
         return None
     eta = np.zeros(len(model.shape.prior_std))
     state = State.still(beta, eta, rotations[good], translations[good])
-    return minimise(model, state, some, model.trend_precision(), ROBUST, most_steps=STEPS)
+    return minimise(model, state, some, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS)
 
 
 def reposed(model: Model, camera: State, seen: Observations) -> State:

@@ -11,14 +11,14 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from pinholify.arrays import Floats
-from pinholify.refinement.model import POSE
+from pinholify.geometry import POSE_DOF
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.settle import Settled
 from pinholify.refinement.solver import lengths, robust_scale
 
-SURE = 4.0  # standard deviations beyond chance: of sets of boards alike one in three hundred seems uneven
-OF_A_MEDIAN = float(2.0 / np.log(2.0) ** 2)  # variance of a log variance by the median, times its degrees of freedom
-FEWEST_BEYOND = 4.0  # residuals beyond the unknowns, below which a board tells nothing of its noise
+SIGNIFICANT_STDS = 4.0  # standard deviations beyond chance: of sets of boards alike one in three hundred seems uneven
+MEDIAN_LOG_VARIANCE = float(2.0 / np.log(2.0) ** 2)  # variance of a log variance by the median, times its degrees of freedom
+MIN_FREEDOM = 4.0  # residuals beyond the unknowns, below which a board tells nothing of its noise
 
 
 def trusts(settled: Settled, seen: Observations, present: Floats) -> Floats:
@@ -27,7 +27,7 @@ def trusts(settled: Settled, seen: Observations, present: Floats) -> Floats:
     ``present`` (K,) is by what they are multiplied in ``seen``. The mean of the inverse squares over all corners is 1,
     so that the noise stays what it is over all corners.
     """
-    roughly = 2.0 * seen.sums(np.ones(len(seen.view))) - POSE
+    roughly = 2.0 * seen.sums(np.ones(len(seen.view))) - POSE_DOF
     if not _apart(settled, seen, present, roughly).any():  # the exact numbers take as long as a step of the solve
         return np.ones(seen.boards)
     found = np.exp(_apart(settled, seen, present, _freedom(settled, seen)))
@@ -38,10 +38,10 @@ def _apart(settled: Settled, seen: Observations, present: Floats, freedom: Float
     """How far each board's log variance (K,) is from the typical one, for its degrees of ``freedom`` (K,)."""
     length = lengths(settled.solution.prediction.residual, seen.weight / present[seen.view])
     squares = np.array([robust_scale(length[rows]) for rows in seen.slices()]) ** 2  # wrong corners are no noise
-    tells = (freedom > FEWEST_BEYOND) & (squares > 0.0)
+    tells = (freedom > MIN_FREEDOM) & (squares > 0.0)
     apart = np.zeros(seen.boards)
     corrected = squares[tells] * 2.0 * seen.sums(np.ones(len(length)))[tells] / freedom[tells]
-    chance = OF_A_MEDIAN / freedom[tells]
+    chance = MEDIAN_LOG_VARIANCE / freedom[tells]
     typical, spread = _hierarchy(np.log(corrected), chance)
     apart[tells] = (np.log(corrected) - typical) * spread / (spread + chance)
     return apart
@@ -56,7 +56,7 @@ def _hierarchy(log_variance: Floats, chance: Floats) -> tuple[float, float]:
     share = 1.0 / chance
     typical = float(share @ log_variance / share.sum())
     excess = float(share @ (log_variance - typical) ** 2) - (len(share) - 1)
-    if excess < SURE * np.sqrt(2.0 * (len(share) - 1)):
+    if excess < SIGNIFICANT_STDS * np.sqrt(2.0 * (len(share) - 1)):
         return typical, 0.0
     spread = excess / float(share.sum() - (share**2).sum() / share.sum())
     share = 1.0 / (chance + spread)
@@ -75,4 +75,4 @@ def _freedom(settled: Settled, seen: Observations) -> Floats:
     moved[:, 1] += weight[:, 0] * (linear.basis @ root[m : 2 * m])
     by_pose = settled.equations.cross @ root
     own = seen.sums((moved**2).sum(axis=(1, 2))) - (by_pose**2).sum(axis=(1, 2))
-    return np.asarray(2.0 * seen.sums(np.ones(len(seen.view))) - POSE - own)
+    return np.asarray(2.0 * seen.sums(np.ones(len(seen.view))) - POSE_DOF - own)
