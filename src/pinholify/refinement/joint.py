@@ -167,7 +167,7 @@ def _richer(setting: Setting, cleaned: Cleaned, say: Progress) -> Setting:
             say("the boards moved while the shutter rolled: each is solved with its own motion")
             setting = replace(setting, motion=motion)
         elif setting.shape.has(STRETCH):
-            say("the boards differ by more than noise and are too few to determine a stretch of the print: none is fitted")
+            say("the boards differ by more than noise and are too few to determine the stretch of the print")
             setting = replace(setting, shape=setting.shape.of(BEND))
     return setting
 
