@@ -135,7 +135,7 @@ def _refined(
 ) -> tuple[list[Candidate], Cleaned]:
     """The finalists, best first, and the cleaned full solve of the first one that can be solved."""
     tried = _ranked(setting, stages, known, seen)
-    if tried and spoilt(tried[0].origin, seen):  # by corners that the first solution could not tell from good ones
+    if tried and spoilt(tried[0].origin, seen):  # by corners that the first solution took for good ones
         seen, known = screen(tried[0].origin, seen)
         tried = _ranked(setting, stages, known, seen)
     finalists = contest(setting, stages, tried, seen)
