@@ -1,6 +1,6 @@
-"""Plane and rotation geometry: homographies, hulls, lines, rotations, poses, 2×2 systems.
+"""Plane and rotation geometry: homographies, hulls, lines, rotations, poses and 2×2 systems.
 
-Pure functions on float64 arrays.
+Pure functions of float64 arrays.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def estimate_homography(source: Floats, target: Floats, whitening: Floats | None
     residual, e.g. to measure it in px of an image. Raises ValueError for fewer than four points.
     """
     if len(source) < 4:
-        raise ValueError(f"a homography needs 4 points, {len(source)} were given")
+        raise ValueError(f"a homography needs at least 4 points, {len(source)} were given")
     n_source, n_target = normalising_similarity(source), normalising_similarity(target)
     p, q = apply_homography(n_source, source), apply_homography(n_target, target)
     h = _dlt(p, q)
@@ -83,7 +83,7 @@ def estimate_homography(source: Floats, target: Floats, whitening: Floats | None
 
 
 def homography_response(h: Floats, source: Floats, whitening: Floats) -> Floats:
-    """How the least-squares homography ``h`` (h₃₃ = 1) moves when its target points do: ∂h/∂targets, (9, 2N).
+    """Derivative (9, 2N) of the least-squares homography ``h`` (h₃₃ = 1) with respect to its target points.
 
     ``source`` (N, 2) and ``whitening`` (N, 2, 2) are those of :func:`estimate_homography`.
     """
@@ -134,7 +134,7 @@ class ConvexRegion:
 
 def convex_hull(xy: Floats) -> ConvexRegion:
     """The convex hull of ``xy`` (N, 2)."""
-    from scipy.spatial import ConvexHull, QhullError  # slow to load, and few who need this module need it
+    from scipy.spatial import ConvexHull, QhullError  # slow to load, and most users of this module do without
 
     try:
         hull = ConvexHull(xy)
@@ -151,10 +151,12 @@ def line_distances(xy: Floats) -> Floats:
 
 # --- rotations and poses ----------------------------------------------------------------------------------------
 
+POSE_DOF = 6  # three of the rotation, three of the translation
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """``camera_from_board``: a board point p stands at R p + t in the camera frame; t in squares."""
+    """``camera_from_board``: the board point p is at R p + t in the camera frame; t in squares."""
 
     rotation: Floats
     translation: Floats
@@ -207,7 +209,7 @@ def rotation_about_z(angle: float) -> Floats:
     return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
-# --- 2×2 systems, many times faster than the general routines ---------------------------------------------------
+# --- 2×2 systems, many times faster than NumPy's general routines -----------------------------------------------
 
 
 def solve_2x2(matrices: Floats, right: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""From corners to a camera, whichever method."""
+"""From corners to a camera: :func:`calibrate` chooses the method, and prepares the corners for it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pinholify.arrays import Floats
 from pinholify.calibration.circles import local_centres, needs_centres, true_centres
 from pinholify.calibration.condensing import condensed
 from pinholify.calibration.intrinsics import check_determined
-from pinholify.calibration.numbering import check_most_count_alike, numbered_alike
+from pinholify.calibration.numbering import check_numbering, numbered_alike
 from pinholify.calibration.one_image import calibrate_one_image
 from pinholify.calibration.reference import reference_views
 from pinholify.calibration.result import Calibration
@@ -24,12 +24,11 @@ from pinholify.refinement import JointResult, refine
 from pinholify.refinement.observations import lattice_middle
 
 METHODS = ("auto", "joint", "one-image")
-FEWEST_FOR_JOINT = 4
-MOST_FOR_JOINT = 12_000  # corners of all boards; denser ones are condensed, not to take minutes
-SPARSE = 400  # corners of a board that are never too many: condensed, little would be left of each
-
-TURNINGS = 8  # boards turned alike make a sharper shape, which may turn more of them; five rounds were enough so far
-CENTRINGS = 2  # the first camera, from centroids, errs by a little of what it corrects
+FEWEST_FOR_JOINT = 4  # boards with which "auto" chooses the joint method
+MAX_JOINT_CORNERS = 12_000  # of all boards; more are condensed, or the solve takes minutes
+MIN_CORNERS_PER_BOARD = 400  # on average: boards of ordinary size are never condensed, however many they are
+CENTRINGS = 2  # rounds of a circle grid: the first camera, from centroids, is still slightly wrong
+TURNINGS = 8  # rounds of numbering boards alike; five have been enough
 
 Progress = Callable[[str], None]
 Make = Callable[[CornerSet], Calibration]
@@ -50,16 +49,16 @@ def calibrate(
     """A perfect pinhole camera from the corners of several photographs of one board.
 
     ``reference`` names the image whose board fixes the camera's frame (the largest by default). ``method`` is
-    ``one-image`` (the paper's: that board alone makes the map), ``joint`` (all boards do), or ``auto``: joint from four
-    boards on. ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp` and
-    :mod:`pinholify.refinement`. ``mirrored`` says that the image is a reflection, ``square_mm`` a square's side in mm.
-    ``start`` is a camera that is roughly the one looked for: joint begins with it where it explains the corners clearly
-    better than what is found without, and ``details["start_fits"]`` is False where it does not explain them at all.
-    ``progress`` hears a line a stage. A circle grid's discs are centred once a first camera is known, and a second one
-    made from their centres, and once more. A board counted the other way round is renumbered, and
-    ``details["renumbered_boards"]`` says so. Raises InputError, CalibrationError or DegenerateError.
+    ``one-image`` (the paper's: that board alone makes the map), ``joint`` (all boards do), or ``auto``: joint with at
+    least four boards. ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp` and
+    :mod:`pinholify.refinement`. ``mirrored`` means that the image is a reflection; ``square_mm`` is the side of a
+    square in mm. ``start`` is a camera close to the one sought: the joint method starts from it where it explains the
+    corners clearly better than the start found without it, and ``details["start_fits"]`` is False where it explains
+    them clearly worse. ``progress`` is called with one line per stage. The discs of a circle grid are centred twice,
+    each time with the camera found before. A board numbered with the wrong handedness is renumbered and listed in
+    ``details["renumbered_boards"]``. Raises InputError, CalibrationError or DegenerateError.
     """
-    check_most_count_alike(corner_set, mirrored)
+    check_numbering(corner_set, mirrored)
     corner_set, renumbered = numbered_alike(corner_set, mirrored)
     make = partial(
         _calibrate,
@@ -115,20 +114,20 @@ def _calibrate(
 ) -> Calibration:
     """:func:`calibrate` on corners that are points."""
     if method not in METHODS:
-        raise InputError(f"'{method}' is no method; the methods are: {', '.join(METHODS)}")
+        raise InputError(f"unknown method '{method}': choose one of {', '.join(METHODS)}")
     if method == "auto":
         method = "joint" if start is not None or len(corner_set.found) >= FEWEST_FOR_JOINT else "one-image"
     if method == "one-image":
         if start is not None:
             raise InputError(
-                "a start was given to the one-image method, which needs none: its reference board alone makes the "
-                "camera; choose the method 'joint', or give no start"
+                "a start was given to the one-image method, which takes none because its reference board alone makes "
+                "the map: choose the method 'joint', or give no start"
             )
         return calibrate_one_image(
             corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
         )
     name, *stand_ins = (view.name for view in reference_views(corner_set, reference))
-    fewer = condensed(corner_set, max(MOST_FOR_JOINT, SPARSE * len(corner_set.found)))
+    fewer = condensed(corner_set, max(MAX_JOINT_CORNERS, MIN_CORNERS_PER_BOARD * len(corner_set.found)))
     try:
         result = refine(
             fewer,
@@ -141,9 +140,9 @@ def _calibrate(
             progress=progress,
         )
     except np.linalg.LinAlgError:
-        calibrate_one_image(corner_set, reference=name, mirrored=mirrored)  # says it where boards all stand alike
+        calibrate_one_image(corner_set, reference=name, mirrored=mirrored)  # raises the reason if boards are parallel
         raise CalibrationError(
-            f"the corners of the {len(corner_set.found)} boards fit no camera together: "
+            f"no camera fits the corners of the {len(corner_set.found)} boards together: "
             "look for wrongly numbered corners"
         ) from None
     check_determined(result.camera, _agreeing(fewer, result), result.reference)
@@ -151,7 +150,7 @@ def _calibrate(
 
 
 def _agreeing(corner_set: CornerSet, result: JointResult) -> CornerSet:
-    """The corners that ``result`` rests on."""
+    """The corners that ``result`` was computed from."""
     used = [view for view in corner_set.views if view.name in result.inliers]
     return corner_set.with_views(view.select(result.inliers[view.name]) for view in used)
 
@@ -203,7 +202,7 @@ def _in_mm(squares: float | None, square_mm: float | None) -> float | None:
 def _wrong_corners(
     result: JointResult, fewer: CornerSet, corner_set: CornerSet, points: Floats
 ) -> dict[str, list[int]]:
-    """Ids by view of the corners that the solve of ``fewer`` found wrong; board ``points`` (corners, 3) by id."""
+    """Ids of the corners of each view that the solve of ``fewer`` rejects; ``points`` (corners, 3) are the board's."""
     pairs = zip(corner_set.views, fewer.views, strict=True)
     inliers = {v.name: result.inliers_of(v, solved, points) for v, solved in pairs if v.name in result.inliers}
     wrong = {view.name: view.ids[~inliers[view.name]] for view in corner_set.views if view.name in inliers}

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pinholify.board import Checkerboard, lattice, size
-from pinholify.calibration.condensing import block_side, condensed, condensed_view, foretold
+from pinholify.calibration.condensing import block_side, condensed, condensed_view, predicted_by_neighbours
 from pinholify.calibration.one_image import calibrate_one_image
 from pinholify.corners import Corners, CornerSet
 from synthetic import SIZE, project
@@ -76,14 +76,14 @@ def test_few_corners_stay_as_they_are():
     assert fewer.views[1] is views[1]
 
 
-def test_neighbours_foretell_a_point():
+def test_neighbours_predict_a_point():
     shifted = TRUTH.copy()
     shifted[40] += 5.0
-    uv, variance = foretold(Corners("a", EVERY, shifted), BOARD, 2)
+    uv, variance = predicted_by_neighbours(Corners("a", EVERY, shifted), BOARD, 2)
     assert np.linalg.norm(uv[40] - TRUTH[40]) < 1e-8
     assert np.isfinite(variance).all()
     lonely = Corners("a", EVERY[:3], TRUTH[:3])
-    assert np.isinf(foretold(lonely, BOARD, 2)[1]).all()
+    assert np.isinf(predicted_by_neighbours(lonely, BOARD, 2)[1]).all()
 
 
 def test_one_image_learns_from_a_dense_board():

@@ -1,4 +1,4 @@
-"""Boards counted the other way round are told by their handedness, renumbered, and named."""
+"""Boards numbered the other way round are found by their handedness, renumbered, and named."""
 
 import dataclasses
 
@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pinholify.board import lattice, parse_board, size
-from pinholify.calibration.numbering import check_most_count_alike, counted_backwards, numbered_alike
+from pinholify.calibration.numbering import check_numbering, numbered_alike, numbered_backwards
 from pinholify.calibration.one_image import calibrate_one_image
 from pinholify.corners import Corners, CornerSet, not_found
 from pinholify.errors import InputError
@@ -47,16 +47,16 @@ def seen(board, homography, keep, mirrored):
     mirrored=st.booleans(),
     seed=st.integers(0, 99),
 )
-def test_a_board_counted_backwards_is_numbered_as_it_was(spec, axis, turn, slants, share, mirrored, seed):
+def test_a_board_numbered_backwards_is_numbered_as_it_was(spec, axis, turn, slants, share, mirrored, seed):
     board = parse_board(spec)
     rotation = 50 * np.array([[np.cos(turn), -np.sin(turn), 9], [np.sin(turn), np.cos(turn), 7], [0, 0, 0.02]])
     rotation[2, :2] = slants
     view = seen(board, rotation, np.random.default_rng(seed).random(size(board)) < share, mirrored)
-    assert not counted_backwards(view, board, mirrored)
+    assert not numbered_backwards(view, board, mirrored)
     wrong = backwards(view, board, axis)
     if wrong is None:  # an asymmetric circle grid has one such axis alone
         wrong = backwards(view, board, 1 - axis)
-    assert counted_backwards(wrong, board, mirrored)
+    assert numbered_backwards(wrong, board, mirrored)
     found, notes = numbered_alike(CornerSet(board, SIZE, (wrong,)), mirrored)
     np.testing.assert_array_equal(found.views[0].ids, view.ids)
     np.testing.assert_array_equal(found.views[0].uv, view.uv)
@@ -68,8 +68,8 @@ def test_the_note_names_what_was_reversed():
     views[2], views[4] = backwards(views[2], BOARD, 0), backwards(views[4], BOARD, 1)
     _, notes = numbered_alike(CornerSet(BOARD, SIZE, tuple(views)), False)
     assert notes == {
-        views[2].name: "counted the other way round: its columns were reversed",
-        views[4].name: "counted the other way round: its rows were reversed",
+        views[2].name: "numbered the other way round: its columns were reversed",
+        views[4].name: "numbered the other way round: its rows were reversed",
     }
 
 
@@ -80,7 +80,7 @@ def test_boards_that_cannot_be_told_or_reversed_stay():
     found, notes = numbered_alike(CornerSet(BOARD, SIZE, (view, not_found("none", "dark"))), False)
     assert not notes
     assert [len(v) for v in found.views] == [len(view), 0]
-    assert not any(counted_backwards(v, BOARD, mirrored) for v in (few, line) for mirrored in (False, True))
+    assert not any(numbered_backwards(v, BOARD, mirrored) for v in (few, line) for mirrored in (False, True))
     stacked = parse_board("circles:4x10:asymmetric")  # an even number of rows: no axis of symmetry
     points = lattice(stacked) * [-1, 1] * 30 + 900
     odd = CornerSet(stacked, SIZE, (Corners("odd", np.arange(len(points)), points),))
@@ -95,13 +95,13 @@ def test_where_most_are_reversed_it_is_not_the_boards(mirrored):
     if mirrored:
         views = tuple(Corners(v.name, v.ids, v.uv * [-1, 1] + [2000, 0]) for v in views)
     right = CornerSet(BOARD, SIZE, views)
-    check_most_count_alike(right, mirrored)
-    with pytest.raises(InputError, match=r"9 of 9 boards are numbered .* --mirrored"):
-        check_most_count_alike(right, not mirrored)
+    check_numbering(right, mirrored)
+    with pytest.raises(InputError, match=r"9 of 9 boards are numbered .* 'mirrored'"):
+        check_numbering(right, not mirrored)
     few = [backwards(v, BOARD, 0) if i < 4 else v for i, v in enumerate(views)]
-    check_most_count_alike(right.with_views(few), mirrored)
+    check_numbering(right.with_views(few), mirrored)
     with pytest.raises(InputError, match="5 of 9"):
-        check_most_count_alike(right.with_views(few), not mirrored)
+        check_numbering(right.with_views(few), not mirrored)
 
 
 @pytest.mark.parametrize("method", ["one-image", "joint"])

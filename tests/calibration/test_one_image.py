@@ -98,12 +98,12 @@ def test_wrong_corners_are_named(barrel_set):
 def test_a_mirrored_camera_needs_to_be_said(barrel_set):
     flipped = [dataclasses.replace(v, uv=v.uv * [-1, 1] + [1919, 0]) for v in barrel_set.views]
     mirrored = barrel_set.with_views(flipped)
-    with pytest.raises(InputError, match="--mirrored"):
+    with pytest.raises(InputError, match="set 'mirrored'"):
         one_image(mirrored)
     calibration = one_image(mirrored, mirrored=True)
     np.testing.assert_allclose(k_of(calibration), TRUTH, atol=0.02)
     assert calibration.camera.mirrored
-    with pytest.raises(InputError, match="leave --mirrored out"):
+    with pytest.raises(InputError, match="leave 'mirrored' off"):
         one_image(barrel_set, mirrored=True)
 
 

@@ -182,7 +182,7 @@ def test_mirrored_corners_of_a_camera_that_looks_into_no_mirror(refused, poses):
     flipped = [Corners(v.name, v.ids, [639, 0] + v.uv * [-1, 1]) for v in corner_set(poses).views]
     write_corner_table("c.vnl", corner_set(poses).with_views(flipped))
     sentence = refused("calibrate", "--corners", "c.vnl", *CORNERS, "--method", "one-image")
-    assert "say --mirrored if the camera looks into a mirror" in sentence
+    assert "set 'mirrored' if the camera looks into a mirror" in sentence
 
 
 # --- corner tables -------------------------------------------------------------------------------------------
@@ -466,10 +466,10 @@ USAGE = {
     "board too small": (["detect", "a.png", "--board", "2x2"], "at least 3x3 are needed"),
     "unknown kind of board": (["detect", "a.png", "--board", "hexagons:3"], "unknown kind of board"),
     "unknown kernel": (["calibrate", "a.png", "--board", "9x6", "--kernel", "k"], "'k'"),
-    "unknown trend": (["calibrate", "a.png", "--board", "9x6", "--trend", "t"], "'t' is no trend"),
+    "unknown trend": (["calibrate", "a.png", "--board", "9x6", "--trend", "t"], "unknown trend 't'"),
     "trend of the other method": (
         ["calibrate", "a.png", "--board", "9x6", "--method", "joint", "--trend", "constant"],
-        "'constant' is no trend of the joint",
+        "the joint refinement has no trend 'constant'",
     ),
     "unknown method": (["calibrate", "a.png", "--board", "9x6", "--method", "m"], "is not one of"),
     "no square": (["board", "9x6"], "Missing option '--square'"),

@@ -140,7 +140,7 @@ def test_a_board_counted_the_other_way_round_is_renumbered_and_named(run, poses)
     clean = run_json(run, right)
     turned = replace(right.views[2], ids=right.views[2].ids.reshape(6, 9)[:, ::-1].ravel())
     spoilt = run_json(run, right.with_views([turned if v.name == turned.name else v for v in right.views]))
-    note = "counted the other way round: its columns were reversed"
+    note = "numbered the other way round: its columns were reversed"
     assert [board["note"] for board in spoilt["boards"]] == ["", "", note, *[""] * (len(right.views) - 3)]
     assert [board["used"] for board in spoilt["boards"]] == [board["used"] for board in clean["boards"]]
     assert (spoilt["f"], spoilt["heldout_px"]) == pytest.approx((clean["f"], clean["heldout_px"]), rel=1e-9)

@@ -67,7 +67,7 @@ def test_few_boards_are_calibrated_jointly_with_a_start(run, poses, camera):
 def test_a_start_of_another_mode_is_refused(run, refused, table, camera):
     assert run("mode", camera, "--size", "320x240", "-o", "half.npz").status == 0
     sentence = refused("calibrate", "--corners", table, *JOINT, "--start", "half.npz", "-o", "led.npz")
-    assert "a camera of images of 320x240, and these are 640x480" in sentence
+    assert "a camera for images of 320x240, but these images are 640x480" in sentence
     assert "'pinholify mode'" in sentence
 
 

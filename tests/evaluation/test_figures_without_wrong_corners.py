@@ -176,8 +176,8 @@ def test_corners_of_a_board_too_dense_to_be_solved_whole_are_judged_each(honest,
     rng = np.random.default_rng(2)
     hit = {view.name: rng.random(len(view)) < 0.003 for view in honest.views}
     views = [replaced(view, view.uv + 30.0 * hit[view.name][:, None]) for view in honest.views]
-    monkeypatch.setattr("pinholify.pipeline.MOST_FOR_JOINT", 100)
-    monkeypatch.setattr("pinholify.pipeline.SPARSE", 20)
+    monkeypatch.setattr("pinholify.pipeline.MAX_JOINT_CORNERS", 100)
+    monkeypatch.setattr("pinholify.pipeline.MIN_CORNERS_PER_BOARD", 20)
     calibration = joint(honest.with_views(views))
     found = wrong_corners(calibration, calibration.corner_set)
     assert sum(len(each) for each in calibration.details["wrong_corners"].values()) == found.count

@@ -201,7 +201,8 @@ def test_a_start_that_explains_nothing_is_left_aside(
 def test_a_start_of_another_size_is_refused() -> None:
     corners = make_scene("pinhole", views=4).corners
     small = camera_of(Fisheye((400, 300), 100.0).project, (400, 300))
-    with pytest.raises(InputError, match="images of 400x300, and these are 800x600: make the camera of this mode"):
+    refusal = "images of 400x300, but these images are 800x600: make the camera of this mode"
+    with pytest.raises(InputError, match=refusal):
         pipeline.calibrate(corners, start=small)
 
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from pinholify.refinement.trust import OF_A_MEDIAN, _hierarchy
+from pinholify.refinement.trust import MEDIAN_LOG_VARIANCE, _hierarchy
 
 
 def test_the_variance_of_a_log_variance_by_the_median() -> None:
     """Of residuals (n, 2) of unit normals, whose squared length has the median 2 log 2."""
     squared = (np.random.default_rng(0).normal(size=(4000, 60, 2)) ** 2).sum(axis=2)
     found = np.log(np.median(squared, axis=1) / (2.0 * np.log(2.0)))
-    assert found.var() == pytest.approx(OF_A_MEDIAN / 120, rel=0.1)
+    assert found.var() == pytest.approx(MEDIAN_LOG_VARIANCE / 120, rel=0.1)
 
 
 @pytest.mark.parametrize("spread", [0.25, 1.0])

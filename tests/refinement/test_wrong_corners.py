@@ -12,9 +12,9 @@ from pinholify.calibration.reference import reference_views
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement import joint, refine
-from pinholify.refinement.basis import REACH
+from pinholify.refinement.basis import MAX_FREQUENCY
 from pinholify.refinement.evidence import Hyperparameters
-from pinholify.refinement.settle import FINEST, UNSEEN, _resolved
+from pinholify.refinement.settle import FINEST_LENGTH_SCALE, UNSEEN_NOISE_SHARE, _resolved
 from pinholify.simulation.datasets import DATASETS
 from pinholify.simulation.demo import DEMO
 from pinholify.simulation.views import board_poses, true_corners
@@ -93,10 +93,10 @@ def test_precise_corners_behind_strong_bumps_are_not_taken_for_wrong() -> None:
 def test_what_the_functions_leave_out_does_not_show_in_the_noise(ratio: float) -> None:
     noise, length = 1e-5, 0.9
     process = Hyperparameters(np.log([ratio * noise, length]), noise)
-    left_out = ratio * np.exp(-((REACH / _resolved(process) * length) ** 2) / 4)  # standard deviation ÷ noise
-    assert left_out < UNSEEN
+    left_out = ratio * np.exp(-((MAX_FREQUENCY / _resolved(process) * length) ** 2) / 4)  # standard deviation ÷ noise
+    assert left_out < UNSEEN_NOISE_SHARE
     assert _resolved(process) <= length
-    assert _resolved(replace(process, kernel=np.log([ratio * noise, 0.05]))) == FINEST
+    assert _resolved(replace(process, kernel=np.log([ratio * noise, 0.05]))) == FINEST_LENGTH_SCALE
     assert _resolved(Hyperparameters(np.empty(0), noise)) == np.inf
 
 

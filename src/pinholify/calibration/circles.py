@@ -1,10 +1,10 @@
-"""Circle grids: from the centroids that an image shows to the images of the discs' centres.
+"""Circle grids: from the centroids of the discs' images to the images of the discs' centres.
 
-Neither perspective nor a lens takes the centre of a disc to the centroid of the disc's image; the difference grows
-with the square of the disc's diameter and can reach pixels. The first correction comes from the bending of the
-lattice in the image alone; once a camera is known, the difference is predicted from the board's pose instead.
-(Heikkilä, *Geometric camera calibration using circular control points*, 2000, for perspective; here the camera maps the
-outline itself, whatever its lens.)
+The centroid of a disc's image is not the image of its centre, neither under perspective nor under lens distortion; the
+difference grows with the square of the disc's diameter and can reach pixels. A first correction uses the curvature of
+the lattice in the image alone. Once a camera is known, the difference is predicted from the board's pose instead.
+(Heikkilä, *Geometric camera calibration using circular control points*, 2000, for perspective; here the camera projects
+the outline itself, whatever the lens.)
 """
 
 from __future__ import annotations
@@ -21,24 +21,17 @@ from pinholify.calibration.result import Calibration, flat
 from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet
 
-NEIGHBOURS = 13
-"""Points, a disc's own included, whose quadratic tells how the lattice bends there."""
-
-OUTLINE = 16
-"""Points on the outline of a disc."""
-
-ROUNDS = 2
-"""A pose from centroids is itself a little off; the next round's is from centres."""
-
-SAME = 0.1
-"""px. Corners of one name that differ by less than this were seen in the same photograph."""
+NEIGHBOURS = 13  # points, a disc's own included, of the quadratic that gives the curvature of the lattice there
+OUTLINE_POINTS = 16  # of a disc
+CENTRING_ROUNDS = 2  # a pose from centroids is slightly off; that of the second round is from centres
+SAME_CORNER_PX = 0.1  # corners of views of one name that differ by less are those of one photograph
 
 
 def centred(corner_set: CornerSet, calibration: Calibration) -> CornerSet:
-    """``corner_set`` with true centres, as ``calibration``'s camera sees them.
+    """``corner_set`` with true centres, as the camera of ``calibration`` projects them.
 
-    Photographs that the calibration was made from keep the corners it has of them. Corners of other boards than circle
-    grids, and centres already corrected, stay as they are.
+    Photographs that the calibration was made from keep the corners it has of them. Corners of boards other than circle
+    grids, and centres already corrected, are returned unchanged.
     """
     if not needs_centres(corner_set):
         return corner_set
@@ -48,14 +41,14 @@ def centred(corner_set: CornerSet, calibration: Calibration) -> CornerSet:
 
 
 def needs_centres(corner_set: CornerSet) -> bool:
-    """Whether the corners are centroids of discs, and not yet their centres."""
+    """Whether the corners are centroids of discs that are yet to be corrected."""
     return isinstance(corner_set.board, CircleGrid) and not corner_set.centred
 
 
 def local_centres(corner_set: CornerSet) -> CornerSet:
-    """The centroids of a circle grid's discs moved to where their neighbours say that the discs' centres are.
+    """``corner_set`` with the discs' centroids corrected to their centres by the curvature of the lattice.
 
-    With the lattice's map to the image u(x), of Jacobian J, the centroid of a disc of radius r is, to second order,
+    If u(x) maps the lattice to the image, with Jacobian J, the centroid of a disc of radius r is, to second order,
     u + r²/8 ∇²u + r²/4 J ∇log det J; the derivatives are those of a quadratic through the nearest points.
     """
     board = corner_set.board
@@ -66,7 +59,7 @@ def local_centres(corner_set: CornerSet) -> CornerSet:
 
 
 def true_centres(corner_set: CornerSet, camera: VirtualCamera) -> CornerSet:
-    """The centroids of a circle grid's discs moved to where ``camera`` images the discs' centres."""
+    """``corner_set`` with the discs' centroids corrected to where ``camera`` projects the discs' centres."""
     board = corner_set.board
     if not isinstance(board, CircleGrid):
         return corner_set
@@ -75,7 +68,7 @@ def true_centres(corner_set: CornerSet, camera: VirtualCamera) -> CornerSet:
 
 
 def _known(view: Corners, known: Corners | None) -> Corners:
-    if known is None or not np.array_equal(view.ids, known.ids) or np.abs(view.uv - known.uv).max() > SAME:
+    if known is None or not np.array_equal(view.ids, known.ids) or np.abs(view.uv - known.uv).max() > SAME_CORNER_PX:
         return view
     return known
 
@@ -97,9 +90,9 @@ def _moved_by_neighbours(view: Corners, board: CircleGrid) -> Corners:
 
 
 def _moved(view: Corners, board: CircleGrid, camera: VirtualCamera) -> Corners:
-    """``view`` with centres in place of centroids; a board whose pose the camera cannot tell stays as it is."""
+    """``view`` with centres in place of centroids; unchanged where too few lie in the camera's domain for a pose."""
     lattice, uv = view.lattice(board), view.uv
-    for _ in range(ROUNDS):
+    for _ in range(CENTRING_ROUNDS):
         inside = camera.inside(uv) if len(uv) else np.zeros(0, dtype=bool)
         if inside.sum() < MINIMUM_CORNERS:
             return view
@@ -114,16 +107,16 @@ def _moved(view: Corners, board: CircleGrid, camera: VirtualCamera) -> Corners:
 
 
 def _outlines(centres: Floats, diameter: float) -> Floats:
-    """(n, OUTLINE, 2) points on circles about ``centres`` (n, 2)."""
-    angle = np.arange(OUTLINE) * (2 * np.pi / OUTLINE)
+    """Points (n, OUTLINE_POINTS, 2) on circles about ``centres`` (n, 2)."""
+    angle = np.arange(OUTLINE_POINTS) * (2 * np.pi / OUTLINE_POINTS)
     return np.asarray(centres[:, None] + diameter / 2.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
 def centroids_inside(outlines: Floats) -> Floats:
     """Centroids (n, 2) of the areas inside smooth closed curves through ``outlines`` (n, k, 2).
 
-    The points are evenly spaced in the curves' parameter; the trigonometric curves through them are integrated, where
-    polygons of as many corners would miss a hundredth of what moves a disc's centroid.
+    The points are evenly spaced in the curves' parameter. The trigonometric curves through them are integrated;
+    polygons through the same points would miss a hundredth of the shift of a disc's centroid.
     """
     middle = outlines.mean(axis=1, keepdims=True)
     place = outlines - middle

@@ -1,7 +1,7 @@
 """f, uc and vc of a virtual plane from the boards in it, with their error bars.
 
-The paper takes them from the simplified Zhang's method as they are. Here they are where least squares starts from: on
-simulated boards the closed form is two to three times as far from the truth. It is kept beside them.
+The paper takes them directly from the simplified Zhang's method. Here that closed form is only the start of a least
+squares fit: on simulated boards its errors are two to three times as large. It is reported next to the result.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from pinholify.geometry import homography_response, normalising_similarity
 if TYPE_CHECKING:  # loads SciPy's optimisers, which the joint method does without
     from pinholify.gp.fitting import FittedMap
 
-DRAWS = 200
-LARGEST_RELATIVE_STD = 0.5  # of f: beyond it the boards say nothing of it
-DISAGREEMENT = 2.0  # times the noise's std: a jackknife over unlike boards is itself up to 1.5 times too large
+DRAWS = 200  # of the noise
+LARGEST_RELATIVE_STD = 0.5  # of f: beyond it the boards do not determine it
+DISAGREEMENT_RATIO = 2.0  # to the noise's std: a jackknife over unlike boards is itself up to 1.5 times too large
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundIntrinsics:
     """f, uc and vc by least squares, in squares, and the closed form they started from.
 
-    ``noise_covariance`` (3, 3) is by the corners' noise alone, ``spread`` (3,) the standard deviations by leaving out
-    one board at a time, None for fewer than four boards.
+    ``noise_covariance`` (3, 3) in squares² is due to the corners' noise alone; ``spread`` (3,) are the standard
+    deviations found by leaving out one board at a time, None for fewer than four boards.
     """
 
     intrinsics: Intrinsics
@@ -51,14 +51,15 @@ class FoundIntrinsics:
 
     @property
     def std(self) -> Floats:
-        """Standard deviations (3,): by noise, unless the boards disagree by clearly more than that.
+        """Standard deviations (3,) of f, uc and vc, squares: due to noise, unless the boards disagree by clearly more.
 
-        Then something no noise explains is at work (bent boards, a camera without one centre), and their spread counts.
+        In that case noise does not explain the boards (they are bent, or the camera has no single centre), and their
+        spread counts.
         """
         by_noise = np.sqrt(np.diagonal(self.noise_covariance))
         if self.spread is None:
             return np.asarray(by_noise)
-        return np.where(self.spread > DISAGREEMENT * by_noise, self.spread, by_noise)
+        return np.where(self.spread > DISAGREEMENT_RATIO * by_noise, self.spread, by_noise)
 
     @property
     def covariance(self) -> Floats:
@@ -68,9 +69,9 @@ class FoundIntrinsics:
 
 
 def find_intrinsics(boards: list[MappedBoard], fitted: FittedMap) -> FoundIntrinsics:
-    """K of the plane of ``fitted`` from the ``boards`` in it, none of which is the reference.
+    """f, uc and vc of the virtual plane of ``fitted`` from the ``boards`` in it, none of which is the reference.
 
-    Raises DegenerateError where they do not determine it.
+    Raises DegenerateError where the boards do not determine them.
     """
     common = _common_shifts(boards, fitted)
     closed = _closed_form(boards, common)
@@ -82,8 +83,8 @@ def find_intrinsics(boards: list[MappedBoard], fitted: FittedMap) -> FoundIntrin
 def check_determined(camera: VirtualCamera, corner_set: CornerSet, reference: str) -> None:
     """Raise DegenerateError where the boards, as ``camera`` sees them, do not determine f, uc and vc.
 
-    For a camera that was found in another way than by :func:`calibrate_one_image`. A camera so wide that fewer than two
-    boards can be seen in one plane is let pass.
+    This is the check for cameras that :func:`find_intrinsics` did not make. A camera so wide that fewer than two boards
+    besides the ``reference`` can be seen in one plane passes.
     """
     everywhere = replace(camera, domain=Domain(camera.domain.hull))
     others = [b for b in map_views(everywhere, corner_set) if b.used and b.name != reference]
@@ -99,8 +100,9 @@ def _refined(boards: list[MappedBoard], intrinsics: Intrinsics) -> tuple[Intrins
 
 
 def _closed_form(boards: list[MappedBoard], common: list[Floats]) -> ClosedForm:
-    """The simplified Zhang's K; raises DegenerateError where noise alone, of which :func:`_common_shifts` says what all
-    boards have in ``common``, could have made it.
+    """K by the simplified Zhang's method; raises DegenerateError where noise alone could have made it.
+
+    ``common`` are the draws of noise that all boards share, from :func:`_common_shifts`.
     """
     homographies = np.stack([b.homography for b in boards])
     plane = normalising_similarity(np.concatenate([b.xy for b in boards]))
@@ -109,7 +111,7 @@ def _closed_form(boards: list[MappedBoard], common: list[Floats]) -> ClosedForm:
     std = float(values[valid, 0].std(ddof=1)) if valid.mean() > 0.9 else np.inf
     if not std < LARGEST_RELATIVE_STD * closed.intrinsics.f:
         raise DegenerateError(
-            f"the {len(boards)} boards beside the reference do not determine f, uc and vc (f = "
+            f"the {len(boards)} boards besides the reference do not determine f, uc and vc (f = "
             f"{closed.intrinsics.f:.3g} ± {std:.2g} squares, singular values {listed(closed.singular_values)}): "
             f"{TILT_MORE}"
         )
@@ -119,10 +121,10 @@ def _closed_form(boards: list[MappedBoard], common: list[Floats]) -> ClosedForm:
 def _homographies_of_new_noise(
     boards: list[MappedBoard], homographies: Floats, common: list[Floats]
 ) -> Floats:
-    """Draws (DRAWS, boards, 3, 3) of what ``homographies`` become with new noise on all corners, to first order.
+    """Draws (DRAWS, boards, 3, 3) of the ``homographies`` with new noise on all corners, to first order.
 
-    The reference's corners have the noise that the fit of the map found, which moves all boards together: ``common``;
-    each other board's what its homography left, which also holds what no map explains.
+    The reference's corners have the noise found by the fit of the map, which moves all boards together: ``common``. The
+    corners of each other board have that of the homography's residuals, which include what no map explains.
     """
     rng = np.random.default_rng(1)
     drawn = np.empty((DRAWS, *homographies.shape))
@@ -135,7 +137,7 @@ def _homographies_of_new_noise(
 
 
 def _common_shifts(boards: list[MappedBoard], fitted: FittedMap) -> list[Floats]:
-    """Draws (DRAWS, 2n) a board of how new noise of the reference's corners moves its corners, px times weights."""
+    """Shifts (DRAWS, 2n) of each board's corners, px times weights, by new noise of the reference's corners."""
     uv, whitening = np.concatenate([b.uv for b in boards]), np.concatenate([b.whitening for b in boards])
     shifts = fitted.map.noise_response(uv, DRAWS, np.random.default_rng(0))
     ends = np.cumsum([2 * len(b.uv) for b in boards])
@@ -143,13 +145,13 @@ def _common_shifts(boards: list[MappedBoard], fitted: FittedMap) -> list[Floats]
 
 
 def _by_px(response: Floats, board: MappedBoard) -> Floats:
-    """∂/∂(the corners in px, times weights) (p, 2n) of what responds by ``response`` (p, 2n) to its virtual points."""
+    """``response`` (p, 2n), a derivative by virtual points, as that by the board's corners in px, times weights."""
     by_point = response.reshape(len(response), -1, 2).transpose(1, 0, 2) @ np.linalg.inv(board.whitening)
     return np.asarray(by_point.transpose(1, 0, 2).reshape(len(response), -1))
 
 
 def _noise_covariance(boards: list[MappedBoard], influence: Influence, common: list[Floats]) -> Floats:
-    """Covariance (3, 3) of the refined f, uc, vc by the noise of :func:`_homographies_of_new_noise`."""
+    """Covariance (3, 3) of the refined f, uc, vc due to the noise of :func:`_homographies_of_new_noise`."""
     own, together = np.zeros((3, 3)), np.zeros((DRAWS, 3))
     for board, response, px in zip(boards, influence.responses, common, strict=True):
         own += board.misfit_px**2 / 2.0 * response @ response.T

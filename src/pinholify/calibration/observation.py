@@ -1,4 +1,4 @@
-"""What a calibrated camera makes of each board: which corners count, its homography, its pose."""
+"""Boards as a calibrated camera sees them: which corners count, the homography to the virtual plane, the pose."""
 
 from __future__ import annotations
 
@@ -25,19 +25,20 @@ Solid = Callable[[Floats], Floats]
 """Lattice points (n, 2) → points of the board (n, 3), both in squares."""
 
 MINIMUM_CORNERS = 8
-MINIMUM_INSIDE = 0.9
-WRONG_CORNERS = 10.0  # times the median misfit of all boards
-WIDEST = np.deg2rad(85.0)  # from the axis; near 90° virtual points run to infinity, and beyond it there are none
+MINIMUM_SHARE_INSIDE = 0.9  # of a board's corners
+MAX_MISFIT_RATIO = 10.0  # to the median misfit of all boards; beyond it corners are wrong
+MAX_RAY_ANGLE_RAD = np.deg2rad(85.0)  # from the axis; towards 90° virtual points go to infinity
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MappedBoard:
     """A board in the virtual plane.
 
-    ``inside`` (n,) marks the corners that count; ``lattice``, ``uv``, ``xy`` (m, 2), ``weights`` (m,) and ``whitening``
-    (m, 2, 2: squares to px times the weight) are those corners alone. ``used`` says whether the board counts for K and
-    the measures, ``reason`` why not. ``homography`` (3, 3) takes the lattice to the virtual plane, ``misfit_px`` is its
-    RMS distance a corner in px.
+    ``inside`` (n,) marks which of its corners count. The arrays hold those corners alone: ``lattice`` (m, 2) in
+    squares, ``uv`` (m, 2) in px, virtual points ``xy`` (m, 2) in squares, ``weights`` (m,) and ``whitening`` (m, 2, 2),
+    which takes squares to px times the weight. ``used`` tells whether the board counts for K and the measures,
+    ``reason`` why not. ``homography`` (3, 3) takes the lattice to the virtual plane; ``misfit_px`` is the RMS distance
+    per corner that it leaves.
     """
 
     name: str
@@ -58,7 +59,7 @@ class MappedBoard:
 class ObservedBoard:
     """A used board with its pose, in closed form and refined; both camera_from_board in squares.
 
-    ``projected`` (m, 2) are the virtual points where the refined pose puts its corners.
+    ``projected`` (m, 2) are the virtual points of its corners at the refined pose.
     """
 
     board: MappedBoard
@@ -68,14 +69,14 @@ class ObservedBoard:
 
     @property
     def residual_px(self) -> Floats:
-        """What the refined pose leaves at the corners inside, (m, 2) px; each corner counts alike."""
+        """Residuals (m, 2) px of the refined pose at the corners that count, without their weights."""
         board = self.board
         moved = board.whitening @ (self.projected - board.xy)[:, :, None]
         return np.asarray(moved[:, :, 0] / board.weights[:, None])
 
 
 def unused(view: Corners, reason: str, inside: Bools | None = None) -> MappedBoard:
-    """A board that does not count, and why."""
+    """The board of ``view`` as one that does not count, for the ``reason`` given."""
     inside = np.zeros(len(view), dtype=bool) if inside is None else inside
     nothing = np.empty((0, 2))
     return MappedBoard(
@@ -87,16 +88,16 @@ def unused(view: Corners, reason: str, inside: Bools | None = None) -> MappedBoa
 def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: Floats) -> MappedBoard:
     """The board of ``view`` in the virtual plane: ``xy`` (m, 2) and ∂xy/∂uv (m, 2, 2) at the corners ``inside``.
 
-    Corners where the map is not one to one do not count.
+    Corners where the map cannot be inverted do not count.
     """
     with np.errstate(invalid="ignore"):
-        told = np.abs(np.linalg.det(jacobian)) > 0.0  # not where it is nan
+        invertible = np.abs(np.linalg.det(jacobian)) > 0.0  # False where it is nan
     inside = inside.copy()
-    inside[inside] = told
-    xy, jacobian = xy[told], jacobian[told]
+    inside[inside] = invertible
+    xy, jacobian = xy[invertible], jacobian[invertible]
     count, total = int(inside.sum()), len(view)
-    if count < max(MINIMUM_CORNERS, MINIMUM_INSIDE * total):
-        return unused(view, f"{count} of {total} corners lie where the camera may be believed", inside)
+    if count < max(MINIMUM_CORNERS, MINIMUM_SHARE_INSIDE * total):
+        return unused(view, f"only {count} of {total} corners lie where the camera is valid", inside)
     lattice, uv = view.lattice(board)[inside], view.uv[inside]
     if np.linalg.matrix_rank(lattice - lattice.mean(axis=0)) < 2:
         return unused(view, "all its corners lie on one line", inside)
@@ -104,16 +105,16 @@ def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: 
     whitening = np.linalg.inv(jacobian) * weights[:, None, None]
     homography = estimate_homography(lattice, xy, whitening)
     if np.linalg.det(homography_jacobian(homography, lattice.mean(axis=0, keepdims=True))[0]) < 0:
-        return unused(view, "its corners are numbered with the other handedness than the reference's", inside)
+        return unused(view, "its corners are numbered with the opposite handedness to the reference's", inside)
     residual = (whitening @ (apply_homography(homography, lattice) - xy)[:, :, None])[:, :, 0]
     misfit = float(np.sqrt((residual**2).sum(axis=1).mean()))
     return MappedBoard(view.name, True, "", total, inside, lattice, uv, xy, weights, whitening, homography, misfit)
 
 
 def map_boards(corner_set: CornerSet, plane_map: PlaneMap, inside: list[Bools]) -> list[MappedBoard]:
-    """Every view's board in the plane of ``plane_map``; ``inside`` marks the corners that may count, a view each.
+    """The board of every view in the plane of ``plane_map``; ``inside`` are masks, one per view, of what may count.
 
-    Boards that misfit a homography much worse than the others are set aside by name, and those that repeat another.
+    Boards that fit a homography much worse than the others are set aside with the reason, and so are repeats of a view.
     """
     boards = [
         map_board(view, corner_set.board, keep, plane_map.value(view.uv[keep]), plane_map.jacobian(view.uv[keep]))
@@ -123,7 +124,7 @@ def map_boards(corner_set: CornerSet, plane_map: PlaneMap, inside: list[Bools]) 
 
 
 def without_repeats(boards: list[MappedBoard], corner_set: CornerSet) -> list[MappedBoard]:
-    """The same boards, those with the same corners as an earlier one set aside."""
+    """The same boards, with those that have the same corners as an earlier one set aside."""
     repeats = repeated(corner_set.views)
     return [
         unused(view, f"{SAME} {repeats[view.name]}", b.inside) if b.used and view.name in repeats else b
@@ -132,9 +133,9 @@ def without_repeats(boards: list[MappedBoard], corner_set: CornerSet) -> list[Ma
 
 
 def without_wrong_corners(boards: list[MappedBoard], corner_set: CornerSet) -> list[MappedBoard]:
-    """The same boards, those that fit no plane set aside."""
+    """The same boards, with those that fit no plane set aside."""
     misfits = [b.misfit_px for b in boards if b.used]
-    limit = WRONG_CORNERS * float(np.median(misfits)) if len(misfits) > 2 else np.inf
+    limit = MAX_MISFIT_RATIO * float(np.median(misfits)) if len(misfits) > 2 else np.inf
     return [
         unused(view, f"its corners lie {b.misfit_px:.1f} px off any flat board: wrong corners?", b.inside)
         if b.used and b.misfit_px > limit
@@ -146,10 +147,10 @@ def without_wrong_corners(boards: list[MappedBoard], corner_set: CornerSet) -> l
 def observe(
     camera: VirtualCamera, corner_set: CornerSet, solid: Solid = flat, closed_form: Intrinsics | None = None
 ) -> tuple[list[MappedBoard], dict[str, ObservedBoard]]:
-    """All boards of ``corner_set`` as ``camera`` sees them, and the poses of those that count, by name.
+    """All boards of ``corner_set`` as ``camera`` sees them, and those that count with their poses, by name.
 
-    ``solid`` takes lattice points (n, 2) to the board's points (n, 3); boards are flat unless it says otherwise. Poses
-    in closed form are those of the K of ``closed_form``, by default the camera's.
+    ``solid`` takes lattice points (n, 2) to the board's points (n, 3), by default those of a flat board. The poses in
+    closed form are computed with the K of ``closed_form``, by default the camera's.
     """
     closed_form = closed_form or camera.intrinsics
     mapped = map_views(camera, corner_set)
@@ -167,9 +168,9 @@ def observe(
 def map_views(camera: VirtualCamera, corner_set: CornerSet) -> list[MappedBoard]:
     """The board of every view of ``corner_set`` in the virtual plane of ``camera``."""
     empty = np.empty((0, 2))
-    uv = np.concatenate([empty, *(view.uv for view in corner_set.views)])  # the map is asked once for all of them
+    uv = np.concatenate([empty, *(view.uv for view in corner_set.views)])  # one call of the map for all of them
     directions = camera.chart.directions(camera.plane_map.value(uv))
-    inside = camera.inside(uv) & (directions[:, 2] > np.cos(WIDEST))
+    inside = camera.inside(uv) & (directions[:, 2] > np.cos(MAX_RAY_ANGLE_RAD))
     xy, jacobian = np.full((len(uv), 2), np.nan), np.full((len(uv), 2, 2), np.nan)
     xy[inside], jacobian[inside] = camera.intrinsics.project(directions[inside]), camera.virtual_jacobian(uv[inside])
     ends = np.cumsum([len(view) for view in corner_set.views])
@@ -184,13 +185,13 @@ def map_views(camera: VirtualCamera, corner_set: CornerSet) -> list[MappedBoard]
 
 
 def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:
-    """What ``camera`` saw of ``target`` points, (n, 2) on a plane or (n, 3), at pixels ``uv`` (n, 2)."""
+    """The ``target`` points of a board, (n, 2) on its plane or (n, 3), as ``camera`` saw them at ``uv`` (n, 2) px."""
     whitening: Floats = np.asarray(np.linalg.inv(camera.plane_map.jacobian(uv)), dtype=np.float64)
     return Sighting(target, camera.plane_map.value(uv), whitening)
 
 
 def _locate(camera: VirtualCamera, board: MappedBoard, seen: Sighting, closed_form: Intrinsics) -> ObservedBoard:
-    """The poses of a used board: in closed form as if it were flat, refined on the points that it was ``seen`` by."""
+    """The poses of a used board: in closed form as if it were flat, and refined on its solid points in ``seen``."""
     closed = pose_from_homography(board.homography, closed_form)
     refined, _ = refine_pose(seen, closed, camera.chart)
     projected = camera.intrinsics.project(refined.apply(seen.target))
@@ -200,7 +201,7 @@ def _locate(camera: VirtualCamera, board: MappedBoard, seen: Sighting, closed_fo
 def estimate_pose(camera: VirtualCamera, seen: Sighting) -> tuple[Pose, Floats]:
     """The pose of least squared px residuals of a flat target, and its covariance (6, 6) at 1 px of noise per axis.
 
-    Starts from a homography in a plane across the mean ray, so rays beyond 90° from the axis are no trouble.
+    It starts from a homography in a plane perpendicular to the mean ray, so rays may be beyond 90° from the axis.
     """
     directions = camera.chart.directions(seen.coordinates)
     axis = directions.mean(axis=0)

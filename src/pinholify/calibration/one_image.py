@@ -1,4 +1,9 @@
-"""The paper's method: one image makes the camera, further ones only find three numbers."""
+"""The paper's method: one image makes the map, and the others only find f, uc and vc.
+
+The reference board's corners, as a map from pixels to its lattice, define the virtual plane
+(:mod:`pinholify.gp.fitting`). The other boards, seen in that plane, are boards seen by a perfect pinhole camera: their
+homographies give K (:mod:`pinholify.calibration.intrinsics`).
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,7 @@ from typing import TYPE_CHECKING
 from pinholify.arrays import Bools
 from pinholify.calibration.condensing import block_side, condensed, condensed_view
 from pinholify.calibration.intrinsics import find_intrinsics
-from pinholify.calibration.observation import MappedBoard, map_boards
+from pinholify.calibration.observation import MINIMUM_SHARE_INSIDE, MappedBoard, map_boards
 from pinholify.calibration.reference import check_handedness, reference_view
 from pinholify.calibration.result import Calibration
 from pinholify.camera import Domain, VirtualCamera
@@ -19,8 +24,8 @@ from pinholify.geometry import ConvexRegion, convex_hull
 if TYPE_CHECKING:
     from pinholify.gp.fitting import FittedMap
 
-MOST_POINTS = 600  # that the process learns from; denser ones are condensed: it takes n³
-MOST_IN_ALL = 12_000  # corners of all boards
+MAX_MAP_POINTS = 600  # of the reference board; a denser one is condensed, because the process costs n³
+MAX_CORNERS = 12_000  # of all boards, for f, uc and vc
 
 
 def calibrate_one_image(
@@ -32,21 +37,23 @@ def calibrate_one_image(
     mirrored: bool = False,
     square_mm: float | None = None,
 ) -> Calibration:
-    """The virtual camera that one board makes, with K from the others (paper, section 2.2), refined.
+    """The virtual camera learnt from one board, with K refined from the others (paper, section 2.2).
 
-    ``reference`` names the board the map is learnt from; by default the one that covers most of the frame. Raises
-    InputError for a reference that is not there or is numbered with the wrong handedness, CalibrationError where too
-    little is seen, DegenerateError where the boards do not determine K.
+    ``reference`` names the board that the map is learnt from, by default the one that covers most of the frame.
+    ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp`; ``mirrored`` says that the images are
+    reflections; ``square_mm`` is the side of a square. Raises InputError for a reference that is missing or numbered
+    with the wrong handedness, CalibrationError where too little of it is seen, and DegenerateError where the boards do
+    not determine K.
     """
     from pinholify.gp.fitting import fit_map
 
     view = reference_view(corner_set, reference)
-    learnt = condensed_view(view, corner_set.board, block_side(len(view), MOST_POINTS))
+    learnt = condensed_view(view, corner_set.board, block_side(len(view), MAX_MAP_POINTS))
     lattice = learnt.lattice(corner_set.board)
     fitted = fit_map(learnt.uv, lattice, kernel=kernel, trend=trend, relative_noise=1.0 / learnt.weights)
     check_handedness(fitted, view, mirrored)
     hull = convex_hull(view.uv)
-    found = find_intrinsics(_boards_beside_reference(condensed(corner_set, MOST_IN_ALL), view, fitted, hull), fitted)
+    found = find_intrinsics(_other_boards(condensed(corner_set, MAX_CORNERS), view, fitted, hull), fitted)
     camera = VirtualCamera(
         fitted.map,
         PlaneChart(found.intrinsics, found.covariance),
@@ -75,17 +82,16 @@ def calibrate_one_image(
     )
 
 
-def _boards_beside_reference(
-    corner_set: CornerSet, view: Corners, fitted: FittedMap, hull: ConvexRegion
-) -> list[MappedBoard]:
+def _other_boards(corner_set: CornerSet, view: Corners, fitted: FittedMap, hull: ConvexRegion) -> list[MappedBoard]:
+    """The used boards but for the reference ``view``; raises DegenerateError for fewer than two."""
     inside: list[Bools] = [hull.contains(v.uv) for v in corner_set.views]
     mapped = map_boards(corner_set, fitted.map, inside)
     others = [b for b in mapped if b.used and b.name != view.name]
     if len(others) < 2:
         raise DegenerateError(
-            f"beside the reference '{view.name}' {len(corner_set.found) - 1} images show the board, {len(others)} of "
-            "them with at least 90 % of its corners inside the reference board's outline; two or more are needed to "
-            "determine f, uc and vc: add photographs of the tilted board, or choose a reference in which it fills more "
-            "of the frame"
+            f"besides the reference '{view.name}', {len(corner_set.found) - 1} images show the board, {len(others)} of "
+            f"them with at least {100 * MINIMUM_SHARE_INSIDE:g} % of its corners inside the reference board's outline, "
+            "but two or more are needed to determine f, uc and vc: add photographs of the tilted board, or choose a "
+            "reference in which it fills more of the frame"
         )
     return others

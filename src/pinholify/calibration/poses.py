@@ -1,29 +1,36 @@
-"""Poses, and K with poses, refined by least squares: Levenberg-Marquardt with the poses eliminated.
+"""Least-squares refinement of a pose, and of K with all poses: Levenberg-Marquardt with the poses eliminated.
 
-Residuals are measured in px of the original image, by each corner's whitening: the inverse of the map's Jacobian.
+Residuals are in px of the original image: each difference of virtual points or rays is multiplied by its corner's
+whitening, the inverse of the map's Jacobian.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pinholify.arrays import Floats
 from pinholify.charts import Chart, Intrinsics, PlaneChart
-from pinholify.geometry import Pose
+from pinholify.geometry import POSE_DOF, Pose
 
-STEPS = 50
-CONVERGED = 1e-10  # relative decrease of the cost
+MAX_STEPS = 50
+RELATIVE_TOLERANCE = 1e-10  # decrease of the cost, relative to it, that ends the descent
+FIRST_DAMPING = 1e-4  # of Levenberg-Marquardt, relative to the diagonal of the normal equations
+DAMPING_FACTOR = 10.0
+MAX_DAMPING = 1e8  # beyond it steps are too short to matter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """What the camera saw of one board: its points ``target`` in squares, (n, 2) on its plane or (n, 3) solid,
-    their ``coordinates`` (n, 2) of the chart, and ``whitening`` (n, 2, 2) that turns a difference of coordinates into
-    px (times the corner's weight).
+    """Points of one board and where the camera sees them.
+
+    ``target`` are the board's points in squares, (n, 2) on its plane or (n, 3) solid, ``coordinates`` (n, 2) those of
+    their rays in a chart, and ``whitening`` (n, 2, 2) turns a difference of coordinates into px times the corner's
+    weight.
     """
 
     target: Floats
@@ -32,13 +39,13 @@ class Sighting:
 
 
 def pose_residuals(sighting: Sighting, pose: Pose, chart: Chart) -> tuple[Floats, Floats]:
-    """Residuals (2n,) in px, and their derivative (2n, 6) by a turn about the camera axes and a shift."""
+    """Residuals (2n,) in px, and their derivative (2n, 6) by a rotation about the camera's axes and a translation."""
     turned = sighting.target @ pose.rotation[:, : sighting.target.shape[1]].T
     points = turned + pose.translation
     by_point = sighting.whitening @ chart.coordinate_jacobian(points)
     residual = sighting.whitening @ (chart.coordinates(points) - sighting.coordinates)[:, :, None]
     jacobian = np.concatenate([_cross_columns(by_point, turned), by_point], axis=2)
-    return residual.ravel(), jacobian.reshape(-1, 6)
+    return residual.ravel(), jacobian.reshape(-1, POSE_DOF)
 
 
 def _cross_columns(by_point: Floats, turned: Floats) -> Floats:
@@ -47,37 +54,66 @@ def _cross_columns(by_point: Floats, turned: Floats) -> Floats:
 
 
 def moved(pose: Pose, step: Floats) -> Pose:
-    """``pose`` turned by the rotation vector ``step[:3]`` and shifted by ``step[3:]``."""
+    """``pose`` rotated by the rotation vector ``step[:3]`` and shifted by ``step[3:]``, ``step`` (6,)."""
     return Pose(Rotation.from_rotvec(step[:3]).as_matrix() @ pose.rotation, pose.translation + step[3:])
+
+
+class _Fit(Protocol):
+    """A point of the descent, with the sum of squares there."""
+
+    @property
+    def cost(self) -> float: ...
+
+
+_AnyFit = TypeVar("_AnyFit", bound=_Fit)
+
+
+def _damped_descent(start: _AnyFit, stepped: Callable[[_AnyFit, float], _AnyFit]) -> _AnyFit:
+    """The minimum of the cost near ``start``; ``stepped`` takes the damped Gauss-Newton step from a fit."""
+    best, damping = start, FIRST_DAMPING
+    for _ in range(MAX_STEPS):
+        trial = stepped(best, damping)
+        if not trial.cost < best.cost:  # also where the trial is nan
+            damping *= DAMPING_FACTOR
+            if damping > MAX_DAMPING:
+                break
+            continue
+        small = best.cost - trial.cost <= RELATIVE_TOLERANCE * best.cost
+        best, damping = trial, damping / DAMPING_FACTOR
+        if small:
+            break
+    return best
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _PoseFit:
+    """A pose with the residuals (2n,) there and their derivative (2n, 6)."""
+
+    pose: Pose
+    residual: Floats
+    jacobian: Floats
+    cost: float
 
 
 def refine_pose(sighting: Sighting, pose: Pose, chart: Chart) -> tuple[Pose, Floats]:
     """The pose of least squared px residuals near ``pose``, and its covariance (6, 6) at 1 px of noise per axis."""
-    residual, jacobian = pose_residuals(sighting, pose, chart)
-    cost, damping = float(residual @ residual), 1e-4
-    for _ in range(STEPS):
-        normal = jacobian.T @ jacobian
-        step: Floats = np.asarray(
-            np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -jacobian.T @ residual), dtype=np.float64
-        )
-        trial = moved(pose, step)
-        trial_residual, trial_jacobian = pose_residuals(sighting, trial, chart)
-        trial_cost = float(trial_residual @ trial_residual)
-        if not trial_cost < cost:  # also where the trial is nan
-            damping *= 10.0
-            if damping > 1e8:
-                break
-            continue
-        small = cost - trial_cost <= CONVERGED * cost
-        pose, residual, jacobian, cost, damping = trial, trial_residual, trial_jacobian, trial_cost, damping / 10.0
-        if small:
-            break
-    return pose, np.asarray(np.linalg.pinv(jacobian.T @ jacobian))
+
+    def measured(pose: Pose) -> _PoseFit:
+        residual, jacobian = pose_residuals(sighting, pose, chart)
+        return _PoseFit(pose, residual, jacobian, float(residual @ residual))
+
+    def stepped(fit: _PoseFit, damping: float) -> _PoseFit:
+        normal = fit.jacobian.T @ fit.jacobian
+        damped = normal + damping * np.diag(np.diag(normal))
+        return measured(moved(fit.pose, np.asarray(np.linalg.solve(damped, -fit.jacobian.T @ fit.residual))))
+
+    best = _damped_descent(measured(pose), stepped)
+    return best.pose, np.asarray(np.linalg.pinv(best.jacobian.T @ best.jacobian))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneRefinement:
-    """K and poses of least squared px residuals in the virtual plane."""
+    """K, and the poses of all boards, of least squared px residuals in the virtual plane."""
 
     intrinsics: Intrinsics
     poses: tuple[Pose, ...]
@@ -86,35 +122,27 @@ class PlaneRefinement:
 def refine_intrinsics(
     sightings: Sequence[Sighting], intrinsics: Intrinsics, poses: Sequence[Pose]
 ) -> PlaneRefinement:
-    """(f, uc, vc) and the ``poses`` of all boards together; coordinates are those of the virtual plane.
+    """(f, uc, vc) and the poses of all boards together, from ``intrinsics`` and ``poses``.
 
-    The reference board's pose is known in this frame (R = I, t = (−uc, −vc, f)), so it must not be among the boards.
+    The coordinates of ``sightings`` are virtual points, in squares. The reference board's pose is known in this frame
+    (R = I, t = (−uc, −vc, f)), so it must not be among the boards.
     """
-    k, current = np.array([intrinsics.f, intrinsics.uc, intrinsics.vc]), list(poses)
-    system = _linearise(sightings, k, current)
-    damping = 1e-4
-    for _ in range(STEPS):
-        step_k, steps = _eliminated_step(system, damping)
-        trial_k, trial = k + step_k, [moved(p, s) for p, s in zip(current, steps, strict=True)]
-        trial_system = _linearise(sightings, trial_k, trial)
-        if trial_k[0] <= 0 or not trial_system.cost < system.cost:
-            damping *= 10.0
-            if damping > 1e8:
-                break
-            continue
-        small = system.cost - trial_system.cost <= CONVERGED * system.cost
-        k, current, system, damping = trial_k, trial, trial_system, damping / 10.0
-        if small:
-            break
-    return PlaneRefinement(Intrinsics(*(float(x) for x in k)), tuple(current))
+
+    def stepped(fit: _PlaneFit, damping: float) -> _PlaneFit:
+        step_k, steps = _eliminated_step(fit, damping)
+        return _linearised(sightings, fit.k + step_k, [moved(*each) for each in zip(fit.poses, steps, strict=True)])
+
+    k = np.array([intrinsics.f, intrinsics.uc, intrinsics.vc])
+    best = _damped_descent(_linearised(sightings, k, poses), stepped)
+    return PlaneRefinement(Intrinsics(*(float(x) for x in best.k)), tuple(best.poses))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Influence:
-    """What K = (f, uc, vc) owes to each board, to first order around the least squares.
+    """The influence of each board on K = (f, uc, vc), to first order around the least-squares solution.
 
-    ``responses`` are ∂K/∂(shift of the board's corners in px, times their weights), (3, 2n) a board; ``left_out``
-    (boards, 3) is how K moves where one board is left out, nan where the others do not determine it.
+    ``responses`` are ∂K/∂(shift of the board's corners in px, times their weights), (3, 2n) per board; ``left_out``
+    (boards, 3) is how K changes when one board is left out, nan where the others do not determine it.
     """
 
     responses: tuple[Floats, ...]
@@ -132,12 +160,12 @@ class Influence:
 def influence_on_intrinsics(
     sightings: Sequence[Sighting], intrinsics: Intrinsics, poses: Sequence[Pose]
 ) -> Influence:
-    """How the K that :func:`refine_intrinsics` finds depends on the boards, at what it found."""
+    """How the K found by :func:`refine_intrinsics` depends on each board, at the ``intrinsics`` and ``poses`` found."""
     free, pulls = [], []
     for sighting, pose in zip(sightings, poses, strict=True):
         by_k, by_pose, residual = _derivatives(sighting, pose, intrinsics)
         basis = np.linalg.qr(by_pose)[0]
-        free.append(by_k - basis @ (basis.T @ by_k))  # what no pose can make good
+        free.append(by_k - basis @ (basis.T @ by_k))  # what no change of pose can absorb
         pulls.append(free[-1].T @ residual)
     information = np.stack([rows.T @ rows for rows in free])
     whole = information.sum(axis=0)
@@ -155,32 +183,40 @@ def _solved(matrix: Floats, right: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Arrow:
-    """Normal equations shaped like an arrow: K (3, 3), poses (n, 6, 6), between them (n, 3, 6), and right sides."""
+class _PlaneFit:
+    """K and the poses, with the normal equations there, which have the shape of an arrow.
 
-    intrinsics: Floats
-    poses: Floats
+    Their blocks are ``by_k`` (3, 3), ``by_pose`` (n, 6, 6) and
+    ``mixed`` (n, 3, 6); ``right_k`` (3,) and ``right_pose`` (n, 6) are the right-hand sides.
+    """
+
+    k: Floats
+    poses: Sequence[Pose]
+    by_k: Floats
+    by_pose: Floats
     mixed: Floats
-    right_intrinsics: Floats
-    right_poses: Floats
+    right_k: Floats
+    right_pose: Floats
     cost: float
 
 
-def _linearise(sightings: Sequence[Sighting], k: Floats, poses: Sequence[Pose]) -> _Arrow:
+def _linearised(sightings: Sequence[Sighting], k: Floats, poses: Sequence[Pose]) -> _PlaneFit:
     intrinsics = Intrinsics(*(float(x) for x in k))
     blocks = [_derivatives(*each, intrinsics) for each in zip(sightings, poses, strict=True)]
-    return _Arrow(
+    return _PlaneFit(
+        k,
+        poses,
         np.sum([a.T @ a for a, _, _ in blocks], axis=0),
         np.stack([b.T @ b for _, b, _ in blocks]),
         np.stack([a.T @ b for a, b, _ in blocks]),
         np.sum([a.T @ r for a, _, r in blocks], axis=0),
         np.stack([b.T @ r for _, b, r in blocks]),
-        float(sum(r @ r for _, _, r in blocks)),
+        float(sum(r @ r for _, _, r in blocks)) if intrinsics.f > 0.0 else np.inf,
     )
 
 
 def _derivatives(sighting: Sighting, pose: Pose, intrinsics: Intrinsics) -> tuple[Floats, Floats, Floats]:
-    """Of one board: the residuals' derivatives by K (2n, 3) and by its pose (2n, 6), and the residuals (2n,), px."""
+    """Derivatives of one board's residuals by K (2n, 3) and by its pose (2n, 6), and the residuals (2n,), px."""
     residual, by_pose = pose_residuals(sighting, pose, PlaneChart(intrinsics))
     directions = pose.apply(sighting.target)
     shape = (directions[:, :2] / directions[:, 2:])[:, :, None]
@@ -188,12 +224,12 @@ def _derivatives(sighting: Sighting, pose: Pose, intrinsics: Intrinsics) -> tupl
     return (sighting.whitening @ by_k).reshape(-1, 3), by_pose, residual
 
 
-def _eliminated_step(system: _Arrow, damping: float) -> tuple[Floats, Floats]:
+def _eliminated_step(fit: _PlaneFit, damping: float) -> tuple[Floats, Floats]:
     """The damped Gauss-Newton step of K (3,) and the poses (n, 6), by Schur complement."""
-    corner = system.intrinsics + damping * np.diag(np.diag(system.intrinsics))
-    blocks = system.poses + damping * np.eye(6) * np.diagonal(system.poses, axis1=1, axis2=2)[:, None, :]
-    to_pose = np.linalg.solve(blocks, system.mixed.transpose(0, 2, 1))
-    right = np.linalg.solve(blocks, system.right_poses[:, :, None])[:, :, 0]
-    schur = corner - np.einsum("nij,njk->ik", system.mixed, to_pose)
-    step_k = np.linalg.solve(schur, np.einsum("nij,nj->i", system.mixed, right) - system.right_intrinsics)
+    corner = fit.by_k + damping * np.diag(np.diag(fit.by_k))
+    blocks = fit.by_pose + damping * np.eye(POSE_DOF) * np.diagonal(fit.by_pose, axis1=1, axis2=2)[:, None, :]
+    to_pose = np.linalg.solve(blocks, fit.mixed.transpose(0, 2, 1))
+    right = np.linalg.solve(blocks, fit.right_pose[:, :, None])[:, :, 0]
+    schur = corner - np.einsum("nij,njk->ik", fit.mixed, to_pose)
+    step_k = np.linalg.solve(schur, np.einsum("nij,nj->i", fit.mixed, right) - fit.right_k)
     return step_k, -right - to_pose @ step_k

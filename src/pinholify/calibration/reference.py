@@ -1,4 +1,4 @@
-"""Which board is the reference: the one whose lattice becomes the virtual plane."""
+"""The choice of the reference: the board whose lattice becomes the virtual plane."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinholify.calibration.numbering import wrong_handedness
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError, InputError
 from pinholify.geometry import convex_hull
@@ -17,10 +18,10 @@ MINIMUM_REFERENCE_CORNERS = 16
 
 
 def reference_view(corner_set: CornerSet, name: str | None) -> Corners:
-    """The view called ``name`` (whole, or its last part), or the one whose board covers most of the frame.
+    """The view called ``name`` (its whole path or its file name), or the one whose board covers most of the frame.
 
-    Raises CalibrationError when no board was found at all or the chosen view shows too few corners, InputError when
-    no view or two views are called so.
+    Raises CalibrationError where no board was found at all or the chosen view shows too few corners, and InputError
+    where ``name`` does not name exactly one view.
     """
     return reference_views(corner_set, name)[0]
 
@@ -30,20 +31,20 @@ def reference_views(corner_set: CornerSet, name: str | None) -> list[Corners]:
     if not corner_set.found:
         raise CalibrationError(
             f"no {corner_set.board.spec} board was found in any of the {len(corner_set.views)} images: "
-            f"check the board's size ({corner_set.board.counted}) and that it is sharp and wholly visible"
+            f"check the board's size ({corner_set.board.counted}) and that the board is sharp and wholly visible"
         )
     named = [] if name is None else [_named(corner_set, name)]
     best, *others = named or sorted(corner_set.found, key=coverage, reverse=True)
     if len(best) < MINIMUM_REFERENCE_CORNERS:
         raise CalibrationError(
-            f"the reference '{best.name}' shows {len(best)} corners of the board and at least "
+            f"the reference '{best.name}' shows {len(best)} corners of the board, but at least "
             f"{MINIMUM_REFERENCE_CORNERS} are needed: choose a photograph in which the board fills the frame"
         )
     return [best, *(view for view in others if len(view) >= MINIMUM_REFERENCE_CORNERS)]
 
 
 def coverage(view: Corners) -> float:
-    """How much of the frame a board covers, in px²; a board seen in part counts only as much as is seen of it."""
+    """A score of how much of the frame a board covers: the area of its hull in px² times its number of corners."""
     return convex_hull(view.uv).area * len(view)
 
 
@@ -53,18 +54,13 @@ def _named(corner_set: CornerSet, name: str) -> Corners:
     if len(matches) != 1:
         raise InputError(
             f"the reference '{name}' names {len(matches) or 'none'} of the {len(corner_set.views)} images: "
-            "give the name of exactly one, as it stands in the list of images"
+            "give the name of exactly one, as in the list of images"
         )
     return matches[0]
 
 
 def check_handedness(fitted: FittedMap, view: Corners, mirrored: bool) -> None:
-    """Raise InputError when the reference board's numbering is of the other handedness than ``mirrored`` says."""
+    """Raise InputError where the numbering of the reference board does not have the handedness for ``mirrored``."""
     determinant = np.median(np.linalg.det(fitted.map.jacobian(view.uv)))
     if (determinant < 0) != mirrored:
-        found, needed = ("left", "right") if determinant < 0 else ("right", "left")
-        remedy = "leave --mirrored out" if mirrored else "say --mirrored if the camera looks into a mirror"
-        raise InputError(
-            f"the corners of the reference '{view.name}' are numbered {found}-handed as seen in the image and "
-            f"{needed}-handed is expected: {remedy}, or number x to the right and y down"
-        )
+        raise wrong_handedness(f"the corners of the reference '{view.name}'", mirrored)

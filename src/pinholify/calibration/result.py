@@ -1,4 +1,4 @@
-"""A finished calibration, by whichever method."""
+"""The finished calibration, by whichever method."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from pinholify.charts import Intrinsics
 from pinholify.corners import CornerSet
 
 IMPORTED = "imported"
-"""The method of a calibration that is another program's."""
+"""The method of a calibration imported from another program."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
     """A camera, the corners it was made from and how.
 
-    ``intrinsics_std`` (3,) are the standard deviations of f, uc, vc in squares, nan where unknown. ``closed_form`` is
-    K as the paper has it, by the simplified Zhang's method alone; None where a method has none. ``square_mm`` is the
-    board's square where the user gave it. ``board_points`` (corners, 3) are the board's points by id, in squares: flat
-    unless a method found the board bent or stretched. ``details`` are plain numbers and texts, JSON-able.
+    ``method``, ``kernel`` and ``trend`` are those used, ``reference`` is the name of the view whose board fixes the
+    frame. ``intrinsics_std`` (3,) are the standard deviations of f, uc, vc in squares, nan where unknown.
+    ``closed_form`` is the paper's K, by the simplified Zhang's method alone; None for a method without one.
+    ``square_mm`` is the side of a square where the user gave it. ``board_points`` (corners, 3) are the board's points
+    by id, in squares: flat unless the method found the board bent or stretched. ``details`` are plain numbers and
+    texts that JSON can hold.
     """
 
     camera: VirtualCamera
@@ -44,7 +46,7 @@ class Calibration:
         object.__setattr__(self, "board_points", frozen(points, (None, 3)))
 
     def __repr__(self) -> str:
-        """What a person wants to see of it: the data are in its fields."""
+        """A summary for a person: method, reference, f, uc, vc, noise and corners."""
         k, spread = self.camera.intrinsics, self.intrinsics_std
         lengths = ", ".join(
             f"{name} {value:.5g}" + (f" ± {std:.2g}" if np.isfinite(std) else "")
@@ -57,7 +59,7 @@ class Calibration:
 
     @property
     def unit(self) -> str:
-        """The unit of f, uc, vc and the virtual plane, which of another program's camera is its ideal image, in px."""
+        """The unit of f, uc, vc and the virtual plane: squares, or px for an imported camera's ideal image."""
         return "px" if self.method == IMPORTED else "squares"
 
     def solid(self, lattice: Floats) -> Floats:

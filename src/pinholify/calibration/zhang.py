@@ -16,8 +16,8 @@ from pinholify.charts import Intrinsics
 from pinholify.errors import DegenerateError
 from pinholify.geometry import Pose, nearest_rotation
 
-RANK_TOLERANCE = 1e-7  # a board, of equations whose coefficients are of order one: σ₃ below is rounding error
-NOISE_RATIO = 4.0  # σ₃ must stand out from σ₄, which exact data would leave at zero
+RANK_TOLERANCE = 1e-7  # per board, of equations whose coefficients are of order one: a smaller σ₃ is rounding error
+NOISE_RATIO = 4.0  # σ₃ must stand out from σ₄, which is zero for exact data
 TILT_MORE = (
     "add photographs in which the board is tilted in at least two ways, parallel neither to the reference nor to each "
     "other"
@@ -26,7 +26,7 @@ TILT_MORE = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosedForm:
-    """K in closed form, and the singular values (4,) of its equations, largest first; the last is what noise left."""
+    """K in closed form, and the singular values (4,) of its equations, largest first; the last one is due to noise."""
 
     intrinsics: Intrinsics
     singular_values: Floats
@@ -38,9 +38,9 @@ class ClosedForm:
 def simplified_zhang(homographies: Floats, plane: Floats) -> ClosedForm:
     """K from ``homographies`` (n, 3, 3), board → virtual plane, in squares.
 
-    ``plane`` (3, 3) is an isotropic similarity that normalises the plane: anything else would cost B its form. The
-    reference board's own homography is the identity: it may be among them and says nothing. Raises DegenerateError,
-    with the singular values that prove it, unless two boards are parallel neither to the reference nor to each other.
+    ``plane`` (3, 3) is an isotropic similarity that normalises the plane: no other map preserves the form of B. The
+    reference board's own homography, the identity, may be among them and adds nothing. Raises DegenerateError, with the
+    singular values that prove it, unless two boards are parallel neither to the reference nor to each other.
     """
     values, singular, valid = solve(homographies[None], plane)
     closed = ClosedForm(Intrinsics(*(float(x) for x in values[0])), singular[0])
@@ -62,7 +62,7 @@ def listed(singular_values: Floats) -> str:
 def solve(homographies: Floats, plane: Floats) -> tuple[Floats, Floats, Bools]:
     """Batched closed form: (f, uc, vc) (b, 3), singular values (b, 4) and whether f² > 0 (b,).
 
-    ``homographies`` is (b, n, 3, 3): b sets of n boards.
+    ``homographies`` (b, n, 3, 3) are b sets of n boards.
     """
     h = plane @ homographies
     h = h / np.linalg.norm(h, axis=(-2, -1), keepdims=True)
@@ -94,7 +94,7 @@ def _row(p: Floats, q: Floats) -> Floats:
 
 
 def pose_from_homography(homography: Floats, intrinsics: Intrinsics) -> Pose:
-    """The pose camera_from_board that K and a homography (3, 3) board → virtual plane imply; t in squares, t_z > 0."""
+    """The pose camera_from_board that K and a ``homography`` (3, 3), board → virtual plane, imply; t_z > 0, squares."""
     m = np.linalg.solve(intrinsics.matrix, homography)
     m = m * 2.0 / (np.linalg.norm(m[:, 0]) + np.linalg.norm(m[:, 1]))
     m = m if m[2, 2] > 0 else -m

@@ -1,4 +1,8 @@
-"""Fitting maps of the plane to point pairs; the trend is chosen by marginal likelihood unless named."""
+"""Maps of the plane fitted to point pairs; unless it is named, the trend is chosen by marginal likelihood.
+
+Each trend is fitted by Gauss-Newton steps of its parameters, which a GP's linear part gives, and the hyperparameters
+are refitted after each step.
+"""
 
 from __future__ import annotations
 
@@ -18,21 +22,21 @@ from pinholify.gp.regression import Data, GaussianProcess, LinearPart, data
 from pinholify.gp.trends import Trend, trends_named
 from pinholify.gp.trends.base import inverse
 
-ROUNDS = 12
-CONVERGED = 1e-3  # of the noise
-SHORTEST = 4.0  # typical distances between neighbouring points
-LARGEST = 0.01  # of the inputs' extent: what a trend leaves for the GP is small
-TOLERATED_LOSS = 0.1  # nats: linearisation moves the evidence a little even at its maximum
+MAX_ROUNDS = 12
+RELATIVE_TOLERANCE = 1e-3  # a step of the trend that moves no point farther than this part of the noise is the last
+SHORTEST_LENGTH_SCALE = 4.0  # of the prior, in typical distances between neighbouring points
+LARGEST_SIGNAL_STD = 0.01  # of the prior, of the inputs' extent: a trend leaves little to the GP
+TOLERATED_LOSS = 0.1  # nats: linearisation changes the evidence slightly even at its maximum
 PRIOR_NOISE = 1e-3  # of the inputs' extent, for the least-squares start alone
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedMap:
-    """A map with what its fit says of it.
+    """A map with the results of its fit.
 
-    ``noise`` is the standard deviation of a point's place, per axis, in units of the inputs (px).
-    ``log_evidence`` is the log marginal likelihood of the places, per squared px, comparable between trends and
-    kernels. ``candidates`` are all trends tried with theirs.
+    ``noise`` is the standard deviation of the points' positions per axis, in units of the inputs (px).
+    ``log_evidence`` is the log marginal likelihood of the positions as a density per squared px, comparable between
+    trends and kernels. ``candidates`` are all trends that were fitted, with their log evidence.
     """
 
     map: PlaneMap
@@ -46,10 +50,11 @@ class FittedMap:
 def fit_map(
     uv: Floats, xy: Floats, *, kernel: str = "se", trend: str = "auto", relative_noise: Floats | None = None
 ) -> FittedMap:
-    """The map that takes ``uv`` (n, 2) px to ``xy`` (n, 2), by trend and GP.
+    """The map from ``uv`` (n, 2) px to ``xy`` (n, 2), by a trend and a GP.
 
-    ``kernel`` and ``trend`` are names of the registries; ``trend`` may be ``constant`` (the paper's), ``auto``, or a
-    family. ``relative_noise`` (n,) scales the noise of each point. Raises CalibrationError where nothing fits.
+    ``kernel`` and ``trend`` are names of the registries; ``trend`` may also be ``constant`` (the paper's) or ``auto``.
+    ``relative_noise`` (n,) scales the noise of each point. Raises InputError for unknown names and CalibrationError
+    where nothing fits.
     """
     scale = np.ones(len(uv)) if relative_noise is None else relative_noise
     build = kernel_named(kernel)
@@ -72,7 +77,7 @@ def fit_map(
 
 
 def _fit_constant(uv: Floats, xy: Floats, kernel: Kernel, name: str, relative_noise: Floats) -> list[FittedMap]:
-    """The map alone, or nothing where it is not one to one at the corners, having learnt each of them by heart."""
+    """The fitted map in a list, empty where the map is singular at a point because it merely memorises the points."""
     inputs, outputs = scaling_of(uv), scaling_of(xy)
     x, y = inputs.normalise(uv), outputs.normalise(xy)
     mean = y.mean(axis=0)
@@ -97,7 +102,7 @@ def _noise_in_inputs(jacobian: Floats, gps: list[GaussianProcess], outputs: Scal
     return float(np.sqrt(((np.linalg.inv(jacobian) * stds) ** 2).sum(axis=(1, 2)).mean() / 2))
 
 
-# --- a trend, and a GP that displaces what it predicts ----------------------------------------------------------
+# --- a trend, and a GP that displaces its predictions -----------------------------------------------------------
 
 
 def _fit_trends(
@@ -122,7 +127,7 @@ def _fit_trends(
 def _fit_displacement(
     trend: Trend, kernel: Kernel, x: Floats, y: Floats, relative_noise: Floats
 ) -> tuple[Floats, GaussianProcess] | None:
-    """Gauss-Newton on the trend's parameters around hyperparameters of maximum likelihood; None if h cannot invert."""
+    """Gauss-Newton on the trend's parameters, with hyperparameters of maximum likelihood; None if h has no inverse."""
     beta = _least_squares_trend(trend, x, y)
     observed = _linearised(trend, beta, x, y, relative_noise)
     if observed is None:
@@ -133,12 +138,12 @@ def _fit_displacement(
         std=(1e-7, 10.0),
         length_scale=(0.02, 20.0),
         noise_std=(1e-8, 1.0),
-        shortest=SHORTEST * _spacing(x),
-        largest=LARGEST,
+        shortest=SHORTEST_LENGTH_SCALE * _spacing(x),
+        largest=LARGEST_SIGNAL_STD,
     )
     gp = maximise_likelihood(kernel, observed, starts=starts, search=search)
-    for _ in range(ROUNDS):
-        if np.abs(observed.linear.features @ gp.coefficients).max() < CONVERGED * gp.noise_std:
+    for _ in range(MAX_ROUNDS):
+        if np.abs(observed.linear.features @ gp.coefficients).max() < RELATIVE_TOLERANCE * gp.noise_std:
             break
         moved = _step(trend, beta, gp, search, Points(x, y, relative_noise))
         if moved is None:
@@ -159,7 +164,7 @@ class Points:
 def _step(
     trend: Trend, beta: Floats, gp: GaussianProcess, search: SearchRange, points: Points
 ) -> tuple[Floats, Data, GaussianProcess] | None:
-    """The longest of the halved Gauss-Newton steps that does not lower the evidence; None where none does."""
+    """The longest of the successively halved Gauss-Newton steps that keeps the evidence; None where none does."""
     start = Start(gp.kernel.std, float(gp.kernel.length_scale.mean()), gp.noise_std)
     for fraction in (1.0, 0.5, 0.25, 0.125):
         trial = beta + fraction * gp.coefficients
@@ -173,7 +178,7 @@ def _step(
 
 
 def _spacing(x: Floats) -> float:
-    """Typical distance between neighbouring points."""
+    """Median distance between nearest neighbours."""
     return float(np.median(cKDTree(x).query(x, k=2)[0][:, 1]))
 
 

@@ -13,17 +13,17 @@ from pinholify.arrays import Floats
 from pinholify.gp.kernels import Kernel
 from pinholify.gp.regression import Data, GaussianProcess, condition, likelihood_and_gradient
 
-TRIAL_STEPS = 10
-MAXIMUM_STEPS = 1000
+TRIAL_STEPS = 10  # of each start
+MAXIMUM_STEPS = 1000  # of the best of them
 
 
 @dataclass(frozen=True, slots=True)
 class SearchRange:
-    """Bounds of the search, in units of the inputs (length scale) and the targets (std and noise).
+    """Bounds and priors of the search, in units of the inputs (length scale) and of the targets (std and noise).
 
     ``shortest`` is a weak prior against length scales that the points cannot resolve, exp(−shortest/l) for each
-    (the penalised-complexity prior of Fuglstad et al. 2019). Where there is nothing to find the likelihood is flat,
-    and without it a search may end with a GP that imitates the noise. ``largest`` is the same paper's prior against
+    (the penalised-complexity prior of Fuglstad et al. 2019): the likelihood of data without a signal is flat, and
+    without the prior the search may end at a GP that imitates the noise. ``largest`` is the same paper's prior against
     a large signal, exp(−std/largest).
     """
 
@@ -49,14 +49,14 @@ class SearchRange:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """One start of the search: signal std and noise std in units of the targets, length scale of the inputs."""
+    """One start of the search: signal and noise std in units of the targets, length scale in units of the inputs."""
 
     std: float
     length_scale: float
     noise_std: float
 
     def log_parameters(self, kernel: Kernel) -> Floats:
-        """This start as the kernel's log parameters and log noise std; shape parameters start where they are."""
+        """This start as the kernel's log parameters and log noise std; shape parameters keep the kernel's values."""
         parameters = kernel.log_parameters.copy()
         parameters[0] = np.log(self.std)
         parameters[1 : 1 + len(kernel.length_scale)] = np.log(self.length_scale)
@@ -81,7 +81,7 @@ def maximise_likelihood(
             value, gradient = likelihood_and_gradient(
                 trial, float(np.exp(parameters[-1])), observed, squared_differences
             )
-        except np.linalg.LinAlgError:  # no longer positive definite in double precision: not a place to be
+        except np.linalg.LinAlgError:  # not positive definite in double precision: turn the search away
             return 1e25, np.zeros_like(parameters)
         penalty, slope = search.penalty(trial)
         gradient[: len(slope)] -= slope
@@ -90,7 +90,7 @@ def maximise_likelihood(
     def descend(parameters: Floats, steps: int) -> Any:
         return minimize(loss, parameters, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": steps})
 
-    # Most starts lead to one maximum: all go a few steps, and only the best goes on to the end.
+    # Most starts lead to the same maximum, so each takes a few steps and only the best goes on to convergence.
     trials = [descend(np.clip(start.log_parameters(kernel), low, high), TRIAL_STEPS) for start in starts]
     best = descend(min(trials, key=lambda run: float(run.fun)).x, MAXIMUM_STEPS).x
     return condition(kernel.with_log_parameters(best[:-1]), float(np.exp(best[-1])), observed)

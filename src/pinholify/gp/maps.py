@@ -1,11 +1,11 @@
-"""Maps of the plane learnt from point pairs: a trend and a Gaussian process, with honest uncertainty.
+"""Maps of the plane learnt from point pairs: a trend and a Gaussian process, with their uncertainty.
 
-Two kinds. :class:`AdditiveMap` is the paper's: each output is a constant plus its own GP, with its own noise in the
-output. :class:`DisplacementMap` puts the noise where it is, in the image: with a parametric trend q = h(w), a point q
-is seen at uv = w + g(w) + noise, w = h⁻¹(q), and g is a GP that displaces what the trend predicts. Inputs w are exact,
-the noise is one number in px for both axes, and g is as stationary as the lens is. (Regressing w on uv instead would
-let the likelihood rise by shrinking w.) The trend's parameters are linearised into the GP's linear part, so its
-likelihood and variance count what is not known of them.
+There are two kinds. :class:`AdditiveMap` is the paper's: each output is a constant plus its own GP, with its own noise
+in the output. :class:`DisplacementMap` has the noise where it arises, in the image: with a parametric trend q = h(w), a
+point q is seen at uv = w + g(w) + noise, w = h⁻¹(q), and the GP g displaces what the trend predicts. The inputs w are
+exact, the noise is one number in px for both axes, and g is as stationary as the lens is. (Regressing w on uv instead
+would let the likelihood rise by shrinking w.) The trend's parameters are linearised into the GP's linear part, so that
+the likelihood and the variance account for their uncertainty.
 """
 
 from __future__ import annotations
@@ -24,15 +24,14 @@ from pinholify.gp.trends import Trend
 from pinholify.gp.trends.base import LONGEST_STEP, inverse
 
 INVERSE_STEPS = 30
-INVERSE_TOLERANCE = 1e-7  # px
-INVERSE_ROUNDING = 1e-2  # px
+INVERSE_TOLERANCE_PX = 1e-7
+INVERSE_ROUNDING_PX = 1e-2  # a step below this that no longer shrinks is the rounding error of the kernel sum
 NEWTON_STEPS = 20
-NEWTON_TOLERANCE = 1e-8  # of the inputs' extent: of an error that the same step squares
+NEWTON_TOLERANCE = 1e-8  # of the inputs' extent; the error before the last step, which squares it
 NEWTON_ROUNDING = 1e-7  # an error below this that no longer shrinks is the rounding error of the kernel sum
 
-
 Nearby = Callable[[Floats], tuple[Floats, float]]
-"""q (n, 2) → px (n, 2) near those that are mapped there, and the longest step in px that helps from them on."""
+"""q (n, 2) → pixels (n, 2) near those that are mapped to q, and the longest useful step from them, in px."""
 
 
 class SmoothMap(Protocol):
@@ -48,36 +47,36 @@ class SmoothMap(Protocol):
 
 
 class PlaneMap(SmoothMap, Protocol):
-    """A smooth map of the plane, uv (px) → q, that knows its own uncertainty."""
+    """A smooth map of the plane, uv (px) → q, with its uncertainty."""
 
     def covariance(self, uv: Floats) -> Floats:
         """Posterior covariance of q at ``uv`` (n, 2): (n, 2, 2)."""
         ...
 
     def covariance_up_to_turn(self, uv: Floats) -> Floats:
-        """The same, leaving out what a turn of the whole camera would undo: how well the map's shape is known."""
+        """The same without what a rotation of the whole camera would undo: the uncertainty of the map's shape."""
         ...
 
     def virtual_covariance(self, uv: Floats) -> Floats | None:
-        """Covariance (n, 2, 2) of virtual points where they share errors with K; None where that of q says it all."""
+        """Covariance (n, 2, 2) of virtual points where they share errors with K; None where that of q suffices."""
         ...
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """The uv (n, 2) that are mapped to ``q`` (n, 2); nan where none is found.
 
-        A map that searches asks ``nearby`` where to begin.
+        A map that searches starts from ``nearby``.
         """
         ...
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
-        """How q at ``uv`` (n, 2) would move had the data been drawn anew with other noise: (draws, n, 2)."""
+        """Changes of q at ``uv`` (n, 2) for new draws of the data's noise: (draws, n, 2)."""
         ...
 
 
 def newton_inverse(smooth_map: SmoothMap, q: Floats, start: Floats, reach: float) -> Floats:
-    """uv (n, 2) that ``smooth_map`` takes to ``q`` (n, 2), by Newton's method from ``start``; nan without convergence.
+    """The uv (n, 2) that ``smooth_map`` maps to ``q`` (n, 2), by Newton's method from ``start``; nan where it diverges.
 
-    Steps are no longer than ``reach`` px, and a point that has gone 20 of them away is given up.
+    Steps are at most ``reach`` px long, and a point farther than 20 of them from its start is given up.
     """
     uv = np.array(start)
     active = np.arange(len(q))
@@ -89,8 +88,7 @@ def newton_inverse(smooth_map: SmoothMap, q: Floats, start: Floats, reach: float
         length = np.linalg.norm(step, axis=1)
         step *= np.minimum(1.0, reach / np.maximum(length, 1e-300))[:, None]
         uv[active] += step
-        # Short steps that no longer shrink are the rounding error of the kernel sum, which no step undoes.
-        arrived = (length < INVERSE_TOLERANCE) | ((length < INVERSE_ROUNDING) & (length > before[active] / 2.0))
+        arrived = (length < INVERSE_TOLERANCE_PX) | ((length < INVERSE_ROUNDING_PX) & (length > before[active] / 2.0))
         done[active[arrived]] = True
         before[active] = length
         near = np.linalg.norm(uv[active] - start[active], axis=1) < 20.0 * reach
@@ -108,11 +106,11 @@ class Scaling:
     scale: float
 
     def normalise(self, p: Floats) -> Floats:
-        """To normalised coordinates."""
+        """Points ``p`` (n, 2) in normalised coordinates."""
         return (p - self.offset) / self.scale
 
     def restore(self, p: Floats) -> Floats:
-        """Back from normalised coordinates."""
+        """Normalised points ``p`` (n, 2) in the original coordinates."""
         return p * self.scale + self.offset
 
 
@@ -124,7 +122,10 @@ def scaling_of(p: Floats) -> Scaling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdditiveMap:
-    """q = mean + g(uv), a GP for each output, the paper's two independent GPs."""
+    """The paper's map q = mean + g(uv), with an independent GP for each output.
+
+    ``inputs`` and ``outputs`` are the normalisations, ``mean`` (2,) is in normalised outputs.
+    """
 
     inputs: Scaling
     outputs: Scaling
@@ -132,18 +133,18 @@ class AdditiveMap:
     processes: tuple[GaussianProcess, GaussianProcess]
 
     def value(self, uv: Floats) -> Floats:
-        """q (n, 2)."""
+        """q at ``uv`` (n, 2): (n, 2)."""
         x = self.inputs.normalise(uv)
         return self.outputs.restore(self.mean + np.concatenate([gp.mean(x) for gp in self.processes], axis=1))
 
     def jacobian(self, uv: Floats) -> Floats:
-        """∂q/∂uv (n, 2, 2)."""
+        """∂q/∂uv at ``uv`` (n, 2): (n, 2, 2)."""
         x = self.inputs.normalise(uv)
         rows = [gp.jacobian(x) for gp in self.processes]
         return np.concatenate(rows, axis=1) * (self.outputs.scale / self.inputs.scale)
 
     def covariance(self, uv: Floats) -> Floats:
-        """Covariance of q (n, 2, 2): diagonal, the outputs are independent."""
+        """Covariance of q at ``uv`` (n, 2): (n, 2, 2), diagonal because the outputs are independent."""
         x = self.inputs.normalise(uv)
         variances = np.stack([gp.variance(x) for gp in self.processes], axis=1)
         return variances[:, :, None] * np.eye(2) * self.outputs.scale**2
@@ -157,11 +158,11 @@ class AdditiveMap:
         return
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
-        """uv (n, 2) of ``q``, by Newton's method."""
+        """The uv (n, 2) of ``q`` (n, 2), by Newton's method from ``nearby``; nan where it diverges."""
         return newton_inverse(self, q, *nearby(q))
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
-        """Shifts of q (draws, n, 2), to first order."""
+        """Changes of q at ``uv`` (n, 2) for new draws of the noise: (draws, n, 2), to first order."""
         x = self.inputs.normalise(uv)
         moves = [gp.noise_response(x, np.empty((1, len(x), 0)), draws, rng) for gp in self.processes]
         return np.concatenate(moves, axis=2) * self.outputs.scale
@@ -169,7 +170,10 @@ class AdditiveMap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DisplacementMap:
-    """q = h(w) with w + g(w) = uv: trend ``h`` with parameters ``beta``, ``process`` the GP g with two outputs."""
+    """The map q = h(w) with w + g(w) = uv: ``trend`` h with parameters ``beta`` (p,), and ``process`` g.
+
+    ``inputs`` and ``outputs`` are the normalisations.
+    """
 
     inputs: Scaling
     outputs: Scaling
@@ -178,16 +182,16 @@ class DisplacementMap:
     process: GaussianProcess
 
     def value(self, uv: Floats) -> Floats:
-        """q (n, 2)."""
+        """q at ``uv`` (n, 2): (n, 2)."""
         w = self._undisplaced(self.inputs.normalise(uv))
         return self.outputs.restore(self.trend.value(self.beta, w))
 
     def jacobian(self, uv: Floats) -> Floats:
-        """∂q/∂uv (n, 2, 2)."""
+        """∂q/∂uv at ``uv`` (n, 2): (n, 2, 2)."""
         return self._jacobian_at(self._undisplaced(self.inputs.normalise(uv)))
 
     def covariance(self, uv: Floats) -> Floats:
-        """Covariance of q (n, 2, 2), the trend's parameters included."""
+        """Covariance of q at ``uv`` (n, 2): (n, 2, 2), with the uncertainty of the trend's parameters."""
         w = self._undisplaced(self.inputs.normalise(uv))
         jacobian = self._jacobian_at(w)
         covariance = self.process.covariance(w, trend_features(self.trend, self.beta, w)) * self.inputs.scale**2
@@ -202,18 +206,18 @@ class DisplacementMap:
         return
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
-        """uv (n, 2) of ``q``: only the trend needs inverting."""
+        """The uv (n, 2) of ``q`` (n, 2), nan where the trend has none: only the trend has to be inverted."""
         start = self.inputs.normalise(nearby(q)[0])
         w, reached = inverse(self.trend, self.beta, self.outputs.normalise(q), start)
         uv = self.inputs.restore(self._displaced(w))
         return np.where(reached[:, None], uv, np.nan)
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
-        """Shifts of q (draws, n, 2), to first order; a point seen farther right is mapped farther left."""
+        """Changes of q at ``uv`` (n, 2) for new draws of the noise: (draws, n, 2), to first order."""
         w = self._undisplaced(self.inputs.normalise(uv))
         features = trend_features(self.trend, self.beta, w)
         moves = self.process.noise_response(w, features, draws, rng) * self.inputs.scale
-        return np.asarray(np.einsum("nij,dnj->dni", -self._jacobian_at(w), moves))
+        return np.asarray(np.einsum("nij,dnj->dni", -self._jacobian_at(w), moves))  # a larger g(w), a smaller w
 
     def _jacobian_at(self, w: Floats) -> Floats:
         inner = np.linalg.inv(np.eye(2) + self.process.jacobian(w))
@@ -248,6 +252,6 @@ class DisplacementMap:
 
 
 def trend_features(trend: Trend, beta: Floats, w: Floats) -> Floats:
-    """How the trend's parameters move w = h⁻¹(q) at fixed q: −(∂h/∂w)⁻¹ ∂h/∂β at ``w`` (n, 2), as (2, n, p)."""
+    """Derivative of w = h⁻¹(q) by the trend's parameters at fixed q: −(∂h/∂w)⁻¹ ∂h/∂β at ``w`` (n, 2), as (2, n, p)."""
     features = -np.linalg.solve(trend.input_jacobian(beta, w), trend.parameter_jacobian(beta, w))
     return np.ascontiguousarray(features.transpose(1, 0, 2))

@@ -1,8 +1,8 @@
 """Exact Gaussian-process regression (paper equations E and V; Rasmussen & Williams, chapter 2 and section 2.7).
 
-Several outputs may share one kernel and one noise. A linear part with a Gaussian prior, y = g(x) + F(x) c + noise, may
-stand beside the kernel; its coefficients c are shared by the outputs and integrated out, so the likelihood and the
-variance count what is not known of them.
+Several outputs may share one kernel and one noise. The model may have a linear part with a Gaussian prior,
+y = g(x) + F(x) c + noise; its coefficients c are shared by the outputs and integrated out, so that the likelihood and
+the variance account for their uncertainty.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pinholify.arrays import Floats
 from pinholify.gp.kernels import Kernel
 
 LOG_2PI = float(np.log(2.0 * np.pi))
-AT_ONCE = 16_384  # kernel values that are held in memory; more of them wait for it
+MAX_KERNEL_VALUES = 16_384  # computed at once: as many stay in the processor's cache
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,10 +36,11 @@ def no_linear_part(outputs: int, points: int) -> LinearPart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GaussianProcess:
-    """A GP conditioned on data: ``inputs`` (n, d), residual ``weights`` (m, n) = C⁻¹(y − F c), C = K + σ² I.
+    """A GP conditioned on data, with C = K + σ² diag(r²).
 
-    ``coefficients`` (p,) is the posterior mean of the linear part, ``precision_factor`` the lower Cholesky factor of
-    its posterior precision, ``solved_features`` (m, n, p) = C⁻¹ F.
+    ``inputs`` (n, d) are those of the data, ``weights`` (m, n) = C⁻¹(y − F c), ``cholesky`` (n, n) is the lower factor
+    of C. ``coefficients`` (p,) is the posterior mean of the linear part, ``precision_factor`` (p, p) the lower Cholesky
+    factor of its posterior precision, ``solved_features`` (m, n, p) = C⁻¹ F. ``relative_noise`` (n,) is r.
     """
 
     kernel: Kernel
@@ -62,13 +63,13 @@ class GaussianProcess:
         return self.mean_and_jacobian(x)[1]
 
     def mean_and_jacobian(self, x: Floats) -> tuple[Floats, Floats]:
-        """:meth:`mean` and :meth:`jacobian`, for little more than one of them."""
-        parts = np.array_split(x, len(x) * len(self.inputs) // AT_ONCE + 1)
+        """:meth:`mean` and :meth:`jacobian` together, for little more time than one of them takes."""
+        parts = np.array_split(x, len(x) * len(self.inputs) // MAX_KERNEL_VALUES + 1)
         means, jacobians = zip(*map(self._mean_and_jacobian, parts), strict=True)
         return np.concatenate(means), np.concatenate(jacobians)
 
     def _mean_and_jacobian(self, x: Floats) -> tuple[Floats, Floats]:
-        """Both for as many ``x`` as the kernel's matrix stays in the processor's cache for."""
+        """Both at so few ``x`` that the kernel's matrix stays in the processor's cache."""
         covariance, slope = self.kernel.covariance_and_slope(x, self.inputs)
         # Σ w D (x − x') over the training points x' by two products, without their differences from each x
         moments = slope @ (self.weights * self.inputs.T[:, None]).reshape(-1, len(self.inputs)).T
@@ -96,12 +97,12 @@ class GaussianProcess:
         return np.asarray(linear + self.variance(x)[:, None, None] * np.eye(len(self.weights)))
 
     def with_coefficients_zero(self, observed: Data) -> GaussianProcess:
-        """The same process when the linear part is exactly zero: g alone answers for the targets ``observed``."""
+        """The same process with c = 0: g alone accounts for the targets of ``observed``."""
         weights = cho_solve((self.cholesky, True), observed.y).T
         return replace(self, weights=weights, coefficients=np.zeros_like(self.coefficients))
 
     def noise_response(self, x: Floats, features: Floats, draws: int, rng: np.random.Generator) -> Floats:
-        """How the mean of g + F c at ``x`` (q, d) would move had the targets other noise: (draws, q, m)."""
+        """Changes of the mean of g + F c at ``x`` (q, d) for new draws of the targets' noise: (draws, q, m)."""
         m, n, p = self.solved_features.shape
         noise = self.noise_std * self.relative_noise * rng.standard_normal((draws, m, n))
         moved_weights = cho_solve((self.cholesky, True), noise.reshape(-1, n).T).T.reshape(draws, m, n)
@@ -119,9 +120,9 @@ class GaussianProcess:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Data:
-    """Targets ``y`` (n, m) at inputs ``x`` (n, d), the linear part beside the kernel, and noise that may differ:
+    """Targets ``y`` (n, m) at inputs ``x`` (n, d), the linear part, and the noise of each point.
 
-    point i has noise of standard deviation σ · r[i] where ``relative_noise`` is r.
+    The noise of point i has the standard deviation σ · r[i], where ``relative_noise`` (n,) is r.
     """
 
     x: Floats
@@ -131,7 +132,7 @@ class Data:
 
 
 def data(x: Floats, y: Floats, linear: LinearPart | None = None, relative_noise: Floats | None = None) -> Data:
-    """:class:`Data` with no linear part and equal noise unless given."""
+    """:class:`Data`, by default without a linear part and with equal noise."""
     n, m = y.shape
     return Data(
         x,
@@ -182,9 +183,9 @@ def _solve(kernel: Kernel, noise_std: float, observed: Data, covariance: Floats)
 def likelihood_and_gradient(
     kernel: Kernel, noise_std: float, observed: Data, squared_differences: Floats
 ) -> tuple[float, Floats]:
-    """Log marginal likelihood and its gradient by the kernel's log parameters and log noise std (last).
+    """Log marginal likelihood and its gradient by the kernel's log parameters and the log noise std (last).
 
-    ``squared_differences`` are :meth:`Kernel.squared_differences` of the inputs with themselves, computed once a fit.
+    ``squared_differences`` are :meth:`Kernel.squared_differences` of the inputs with themselves, computed once per fit.
     """
     covariance, derivatives = kernel.covariance_and_gradients(squared_differences)
     gp = _solve(kernel, noise_std, observed, covariance)

@@ -1,9 +1,8 @@
-"""A Gaussian process on a box as a weighted sum of sines (Solin & Särkkä 2020, Hilbert-space reduced-rank
-GPs).
+"""A Gaussian process on a box as a weighted sum of sines (Solin & Särkkä 2020, Hilbert-space reduced-rank GPs).
 
-On the box |w_d| ≤ L_d the functions φ_jk(w) = sin(ω_j (u + L_u)) sin(ω_k (v + L_v)) / √(L_u L_v), ω_j = πj/(2
-L), carry a stationary process when the weights are independent with variance S(ω_j, ω_k), the kernel's
-spectral density.
+On the box |w_d| ≤ L_d the sum of the functions φ_jk(w) = sin(ω_j (u + L_u)) sin(ω_k (v + L_v)) / √(L_u L_v),
+ω_j = πj/(2 L), is a stationary process if the weights are independent with variance S(ω_j, ω_k), the kernel's spectral
+density. Exact inference then costs what a linear model of M functions costs, however many corners there are.
 """
 
 from __future__ import annotations
@@ -16,14 +15,14 @@ import numpy as np
 from pinholify.arrays import Floats, Ints, frozen
 from pinholify.geometry import solve_2x2
 
-MARGIN = 0.35  # of the box around the image, in half diagonals: at the box's edge the process is held at zero
-NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-6  # of an error that the same step squares
-REACH = 4.8  # frequencies kept, in inverse length scales: beyond it the SE density is below 1e-5 of its maximum
+BOX_MARGIN = 0.35  # of the box around the image, in half diagonals: at the edge of the box the process is zero
+NEWTON_STEPS, NEWTON_TOLERANCE = 20, 1e-6  # the error before the last step, which squares it
+MAX_FREQUENCY = 4.8  # that is kept, in inverse length scales: beyond it the SE density is below 1e-5 of its maximum
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SineBasis:
-    """M functions: ``order`` (M, 2) holds j and k (from 1), ``half_box`` (2,) L."""
+    """The M functions φ_jk with the ``order`` (M, 2) j, k (from 1) on the box of half size ``half_box`` (2,) L."""
 
     half_box: Floats
     order: Ints
@@ -33,16 +32,16 @@ class SineBasis:
         object.__setattr__(self, "order", frozen(self.order, (None, 2), np.int64))
 
     def __len__(self) -> int:
-        """M."""
+        """The number of functions M."""
         return len(self.order)
 
     @property
     def frequencies(self) -> Floats:
-        """Angular frequencies (M, 2)."""
+        """Angular frequencies ω (M, 2), in radians per normalised unit."""
         return np.asarray(np.pi * self.order / (2.0 * self.half_box))
 
     def values(self, w: Floats) -> Floats:
-        """φ at ``w`` (n, 2): (n, M), a function after the other in memory."""
+        """The functions φ at ``w`` (n, 2): (n, M), in memory one function after the other."""
         (_, u), (_, v) = self._waves(w)
         u /= np.sqrt(self.half_box.prod())
         values = np.empty((len(self), len(w)))
@@ -51,12 +50,12 @@ class SineBasis:
         return values.T
 
     def combined(self, weights: Floats, w: Floats) -> Floats:
-        """g alone (n, m), in half the time of :meth:`combine`."""
+        """The sums g = Σ φ · ``weights`` (M, m) at ``w`` (n, 2), (n, m), in half the time of :meth:`combine`."""
         (_, u), (_, v) = self._waves(w)
         return _paired(self._grids(weights) @ u, v)
 
     def combine(self, weights: Floats, w: Floats) -> tuple[Floats, Floats]:
-        """g = Σ φ · ``weights`` (M, m) at ``w`` (n, 2), and ∂g/∂w: (n, m) and (n, m, 2)."""
+        """The sums g = Σ φ · ``weights`` (M, m) at ``w`` (n, 2), (n, m), and ∂g/∂w (n, m, 2)."""
         (du, u), (dv, v) = self._waves(w)
         du *= self._frequencies(0)
         dv *= self._frequencies(1)
@@ -67,7 +66,8 @@ class SineBasis:
     def product_series(self, matrices: Floats) -> Floats:
         """Coefficients (m, 2K + 1, 2J + 1) of cosines of each axis, whose sum is φᵀCφ, for C in ``matrices`` (m, M, M).
 
-        A product of two sines is half the difference of two cosines, so that there are far fewer terms than products.
+        J and K are the highest orders. A product of two sines is half the difference of two cosines, so there are far
+        fewer cosines than products.
         """
         width, height = 2 * self.order.max(axis=0, initial=0) + 1
         series = np.zeros((len(matrices), height * width))
@@ -82,7 +82,7 @@ class SineBasis:
         return _paired(series @ along, across)
 
     def gram(self, w: Floats, weight: Floats) -> Floats:
-        """Σ ``weight`` φ φᵀ (M, M) over points ``w`` (n, 2), by the sums of far fewer products of cosines."""
+        """The sum (M, M) of ``weight`` (n,) φ φᵀ over points ``w`` (n, 2), by far fewer products of cosines."""
         if not len(self):
             return np.zeros((0, 0))
         along, across = self._cosines(w)
@@ -133,7 +133,7 @@ class SineBasis:
 
 @lru_cache(maxsize=4)
 def _products(basis: SineBasis) -> list[tuple[float, Ints]]:
-    """φ_a φ_b as four products of cosines: the factor and the place (M, M) of each in a table (2K + 1, 2J + 1)."""
+    """All φ_a φ_b as four products of cosines: the factor and the place (M, M) of each in a table (2K + 1, 2J + 1)."""
     order = basis.order
     differences, sums = np.abs(order[:, None] - order), order[:, None] + order
     width = 2 * int(order[:, 0].max(initial=0)) + 1
@@ -144,7 +144,7 @@ def _products(basis: SineBasis) -> list[tuple[float, Ints]]:
 
 
 def _paired(along: Floats, across: Floats) -> Floats:
-    """Σ_k ``along`` (m, K, n) · ``across`` (K, n): (n, m)."""
+    """The sums over k of ``along`` (m, K, n) · ``across`` (K, n): (n, m)."""
     return np.asarray(np.einsum("mkn,kn->mn", along, across).T)
 
 
@@ -159,19 +159,19 @@ def _multiples(angle: Floats, count: int) -> tuple[Floats, Floats]:
 
 
 def sine_basis(half_size: Floats, length_scale: float) -> SineBasis:
-    """The functions that a process of ``length_scale`` or longer needs on an image of ``half_size`` (2,)."""
+    """The functions for a process of ``length_scale`` or longer on an image of ``half_size`` (2,), both normalised."""
     return _sine_basis(tuple(half_size), length_scale)
 
 
 @lru_cache(maxsize=4)
 def _sine_basis(half_size: tuple[float, float], length_scale: float) -> SineBasis:
-    half_box = np.array(half_size) + MARGIN
-    j, k = (np.arange(1, int(np.ceil(2.0 * box * REACH / (np.pi * length_scale))) + 1) for box in half_box)
+    half_box = np.array(half_size) + BOX_MARGIN
+    j, k = (np.arange(1, int(np.ceil(2.0 * box * MAX_FREQUENCY / (np.pi * length_scale))) + 1) for box in half_box)
     order = np.stack(np.meshgrid(j, k, indexing="ij"), axis=-1).reshape(-1, 2)
     radius = np.linalg.norm(np.pi * order / (2.0 * half_box), axis=1)
-    return SineBasis(half_box, order[radius <= REACH / length_scale])
+    return SineBasis(half_box, order[radius <= MAX_FREQUENCY / length_scale])
 
 
 def no_basis(half_size: Floats) -> SineBasis:
-    """No functions at all: the process is switched off."""
-    return SineBasis(half_size + MARGIN, np.empty((0, 2), np.int64))
+    """A basis without functions, which switches the process off."""
+    return SineBasis(half_size + BOX_MARGIN, np.empty((0, 2), np.int64))

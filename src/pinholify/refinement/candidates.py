@@ -1,9 +1,9 @@
-"""Which trend: every family is solved once at its highest order, and its lower orders are read off by linear
-algebra.
+"""The choice of the trend by evidence: each family is solved at its highest order, and the rest is linear algebra.
 
-The orders of a family are nested, so the evidence of a lower one follows from the same normal equations with
-the higher coefficients held at zero. The process is added to the linearised problem; only the winner is
-solved in full.
+The orders of a family are nested, so the evidence of a lower one follows from the same normal equations with the higher
+coefficients fixed at zero (:func:`candidates`). The process is added to the linearised problem. The best of these get a
+closer look, solved for themselves and compared with similar trends (:func:`contest`); only the winner is solved in full
+(:mod:`pinholify.refinement.settle`).
 """
 
 from __future__ import annotations
@@ -36,25 +36,30 @@ from pinholify.refinement.trends import Search, Trend
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
 SCREENING_LENGTH_SCALE = 0.25  # the shortest that screening resolves, in half diagonals of the image
-FIRST_LENGTH_SCALE = 0.4
-LED_STEPS = 15  # a trend that is not at its end by then is not the lens's
-NEARLY = 0.5  # nats from its end a trend is near enough: its linearised problem knows the rest
-GRID = 15
-FOLD_MARGIN = 1.1  # of the image, in which a trend had better be one to one
-ENDS_COST = np.log(1.25)  # nats a coordinate: a trend that ends within the image has to leave a fifth less noise
-WEAK = 0.05  # of the noise: a process as weak as this is no start for another trend's
-WORTH = 3.0  # nats that the process must bring for its two parameters
-BROKEN = 2.0  # times the noise that a leader promised
-DOUBT = 3.0  # nats: of trends that the corners hardly tell apart the more general promises less
-FREE = 0.01  # standard deviation of a prior that leaves a parameter free
-CONTENDERS, WINDOW = 3, 15.0  # how many of the best get a closer look, and how many nats behind the best
+FIRST_LENGTH_SCALE = 0.4  # half diagonals
+MAX_SCREENING_STEPS = 15  # a trend that has not converged by then is not the lens's
+SCREENING_TOLERANCE = 0.5  # nats: closer to its minimum, the linearised problem supplies the rest
+MAX_SCREENING_SCORING_STEPS = 8  # of the hyperparameters
+IMAGE_GRID = 15  # points along each side of the image where trends must not fold
+FOLD_MARGIN = 1.1  # of that grid, relative to the image
+ENDS_INSIDE_COST = np.log(1.25)  # nats per coordinate: a trend that ends in the image must leave a fifth less noise
+MIN_PROCESS_RATIO = 0.05  # to the noise: a weaker process is no start for another trend's
+EXTENSION_COST = 3.0  # nats by which the process, or a part of the board's shape, must raise the evidence
+MAX_NOISE_RATIO = 2.0  # of a leader's noise after the closer look to that before
+EVIDENCE_DOUBT = 3.0  # nats: among trends that differ by less the more general is preferred, which claims less
+FREE_PRIOR_STD = 0.01  # a wider prior leaves its parameter free
+MAX_CONTENDERS = 3  # candidates that hold in a closer look
+EVIDENCE_WINDOW = 15.0  # nats behind the best: candidates farther behind get no closer look
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setting:
-    """What all candidates share: the ``density`` of the kernel with its number of ``scales``, the ``shape``,
-    ``half_size`` (2,) of the image, ``covered`` (n, 2) points of it all over the part that corners cover,
-    ``shortest`` of the length scale's prior, and the ``motion`` of boards in units of the noise.
+    """What all candidates share.
+
+    ``density`` is the kernel's log spectral density and ``scales`` its number of length scales, ``shape`` the board's
+    family of shapes, ``half_size`` (2,) that of the image, ``covered`` (n, 2) are image points all over the part that
+    corners cover, ``shortest`` is that of the length scales' prior, and ``motion`` the standard deviation of the
+    boards' motions in units of the noise.
     """
 
     density: LogDensity
@@ -67,8 +72,8 @@ class Setting:
 
     @property
     def image(self) -> Floats:
-        """Points (n, 2) all over the image, and a little beyond."""
-        u, v = (FOLD_MARGIN * half * np.linspace(-1.0, 1.0, GRID) for half in self.half_size)
+        """Normalised points (n, 2) all over the image and slightly beyond."""
+        u, v = (FOLD_MARGIN * half * np.linspace(-1.0, 1.0, IMAGE_GRID) for half in self.half_size)
         return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
     def model(self, trend: Trend, basis: SineBasis | None = None) -> Model:
@@ -78,8 +83,10 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A trend with hyperparameters and its evidence; the linearised ``problem`` and the ``origin`` it was
-    linearised at.
+    """A ``trend`` with its hyperparameters and evidence.
+
+    ``problem`` is its linearised problem, ``origin`` the solution around which that was linearised, and
+    ``ends_in_image`` whether the trend fails to be one to one in a part of the image without corners.
     """
 
     trend: Trend
@@ -91,12 +98,12 @@ class Candidate:
 
     @property
     def on(self) -> bool:
-        """Whether it has the process."""
+        """Whether the process is on."""
         return len(self.hyperparameters.kernel) > 0
 
     @property
     def generality(self) -> tuple[bool, int, int, int]:
-        """What makes one candidate more general than another: the process, the trend's order, its other parameters."""
+        """A sort key, higher for more general candidates: the process, the trend's order, its other parameters."""
         return self.on, *_generality(self.trend)
 
     @property
@@ -106,11 +113,9 @@ class Candidate:
 
     @property
     def score(self) -> float:
-        """What candidates are compared by: a process has to be worth its two parameters, and a trend that does not
-        reach the image's corners has to be far better than one that does.
-        """
-        cost = (WORTH if self.on else 0.0) + (ENDS_COST * self.problem.rows if self.ends_in_image else 0.0)
-        return self.log_evidence - cost
+        """The log evidence less the costs of a process and of a trend that ends in the image."""
+        ends_cost = ENDS_INSIDE_COST * self.problem.rows if self.ends_in_image else 0.0
+        return self.log_evidence - ((EXTENSION_COST if self.on else 0.0) + ends_cost)
 
 
 def solve_trend(
@@ -122,10 +127,8 @@ def solve_trend(
     most_steps: int = 30,
     tolerance: float = 0.02,
 ) -> Solution | None:
-    """The joint solve of ``trend`` alone from the rays that ``known`` gives its corners; None where it does
-    not fit.
-    """
-    at = known.prediction  # where it sees them: a process that it has is for the trend to make good
+    """The joint solve of ``trend`` without process, from the rays of the corners in ``known``; None where it fails."""
+    at = known.prediction  # with the displacement by its process, which the trend has to replace
     turn = levelling_rotation(at.image, at.camera) if trend.level else np.eye(3)
     model = setting.model(trend)
     near = trend.resembling(known.model.trend, known.state.beta)
@@ -143,18 +146,16 @@ def solve_trend(
     return minimise(model, state, seen, model.trend_precision(), Loss(), most_steps=most_steps, tolerance=tolerance)
 
 
-def led(setting: Setting, trend: Trend, known: Solution, seen: Observations) -> Solution | None:
-    """:func:`solve_trend` for some of the corners, and the one step that makes up for what the others say."""
-    near = solve_trend(setting, trend, known, seen.thinned(), tolerance=NEARLY)
+def solve_thinned(setting: Setting, trend: Trend, known: Solution, seen: Observations) -> Solution | None:
+    """:func:`solve_trend` by some of the corners, and then one step by all of them."""
+    near = solve_trend(setting, trend, known, seen.thinned(), tolerance=SCREENING_TOLERANCE)
     if near is None:
         return None
     return minimise(near.model, near.state, seen, near.model.trend_precision(), Loss(), most_steps=1)
 
 
 def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen: Observations) -> Linearised:
-    """The linearised problem around a solution without process, with the functions of ``basis`` at weight
-    zero.
-    """
+    """The linearised problem around a solution without process, with the functions of ``basis`` at weight zero."""
     state, trend = solution.state, solution.model.trend
     widened = setting.model(trend, basis)
     state = replace(state, weights=np.zeros((len(basis), 2)))
@@ -165,7 +166,7 @@ def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """A ``search`` whose general trend is solved without process, and the best of the trends within it."""
+    """A ``search`` with the ``solution`` of its general trend, without process, and the best trend within it."""
 
     search: Search
     solution: Solution
@@ -173,13 +174,15 @@ class Solved:
 
 
 def solve(setting: Setting, search: Search, known: Solution, seen: Observations) -> Solved | None:
-    """``search`` without process; None where it does not fit."""
-    solution = solve_trend(setting, search.general, known, seen, most_steps=LED_STEPS, tolerance=NEARLY)
+    """``search`` solved without process; None where that fails."""
+    solution = solve_trend(
+        setting, search.general, known, seen, most_steps=MAX_SCREENING_STEPS, tolerance=SCREENING_TOLERANCE
+    )
     if solution is None:
         return None
     try:
         alone = linearise_with(setting, solution, no_basis(setting.half_size), seen)
-    except np.linalg.LinAlgError:  # it ran away to where a pose no longer matters
+    except np.linalg.LinAlgError:  # the solve diverged to where a pose has no effect
         return None
     plain = _without_process(setting, solution, alone, search.within, solution.noise)
     return None if plain is None else Solved(search, solution, plain)
@@ -193,7 +196,10 @@ def _without_process(
     noise: float,
     doubt: float = 0.0,
 ) -> Candidate | None:
-    """The best of ``trends`` that is one to one where there are corners, each at its own noise, from ``noise``."""
+    """The best of ``trends``, each at its own noise, that is one to one where there are corners.
+
+    ``noise`` is where the search for theirs starts; among trends within ``doubt`` nats the most general is preferred.
+    """
     removed = _removed(solution.model.trend, trends, alone)
     found = nested_noise(alone, ~removed, noise)
     best: Candidate | None = None
@@ -209,7 +215,7 @@ def _without_process(
 
 
 def _preferred(log_evidence: Floats, trends: Sequence[Trend], doubt: float) -> Ints:
-    """The order of choice (n,): by evidence, but of those within ``doubt`` of the best the most general first."""
+    """Indices (n,) in order of preference: by evidence, but the most general first of those within ``doubt``."""
     doubtful = log_evidence >= log_evidence.max() - doubt
     order, free, held = (
         np.where(doubtful, values, 0) for values in np.array([_generality(trend) for trend in trends]).T
@@ -218,15 +224,17 @@ def _preferred(log_evidence: Floats, trends: Sequence[Trend], doubt: float) -> I
 
 
 def _generality(trend: Trend) -> tuple[int, int, int]:
-    """The order of its radial law, of which a wrong one costs most; how many parameters its prior leaves free; and less
-    the more others it has, which are not to be had for nothing.
+    """A sort key, higher for more general trends.
+
+    First comes the order, since too low a one costs most, then the number of parameters that the prior leaves free, and
+    last minus the number of the others, which bring nothing for their cost.
     """
-    free = int((trend.prior_std > FREE).sum())
+    free = int((trend.prior_std > FREE_PRIOR_STD).sum())
     return trend.order, free, free - len(trend.prior_std)
 
 
 def _removed(general: Trend, trends: Sequence[Trend], problem: Linearised) -> Bools:
-    """Which of the globals (D,) of ``general`` each of the smaller ``trends`` (n,) lacks: (n, D)."""
+    """Mask (n, D) of the globals (D,) of the ``general`` trend that each of the n smaller ``trends`` lacks."""
     removed = np.zeros((len(trends), len(problem.theta)), dtype=bool)
     first = 2 * len(problem.frequencies)
     kept = np.array([general.kept(trend) for trend in trends])
@@ -237,7 +245,7 @@ def _removed(general: Trend, trends: Sequence[Trend], problem: Linearised) -> Bo
 def _candidate(
     setting: Setting, trend: Trend, theta: Floats, solution: Solution, problem: Linearised, fit: Fit
 ) -> Candidate | None:
-    """None where the trend, its β the first of ``theta``, is not one to one even where there are corners."""
+    """``trend`` as a candidate, with its β at the head of ``theta``; None where it folds among the corners."""
     beta = theta[: len(trend.prior_std)]
     if trend.folds(beta, setting.covered):
         return None
@@ -248,9 +256,9 @@ def _candidate(
 def candidates(
     setting: Setting, stages: Sequence[Sequence[Search]], known: Solution, seen: Observations
 ) -> Iterator[Candidate]:
-    """Candidates of all searches, with and without process, as they are found, by some of the corners.
+    """The candidates of all searches, with and without process, as they are found, by some of the corners.
 
-    A later stage is solved only where no trend of those before suffices without the process.
+    A later stage is solved only where no trend of the earlier ones suffices without the process.
     """
     seen = seen.thinned()
     sufficient, start, best = False, None, -np.inf
@@ -263,32 +271,33 @@ def candidates(
             yield each.plain
             if sufficient:
                 continue
-            found = _with_process(setting, each, start, seen, best - WINDOW)
+            found = _with_process(setting, each, start, seen, best - EVIDENCE_WINDOW)
             if found is None:
                 continue
             yield found
-            sufficient = found.log_evidence < each.plain.log_evidence + WORTH
+            sufficient = found.log_evidence < each.plain.log_evidence + EXTENSION_COST
             if start is None or found.score > best:
                 start = _strong_enough(found.hyperparameters)
             best = max(best, found.score)
 
 
 def _first_guess(setting: Setting, plain: Candidate) -> Hyperparameters:
-    """A process as strong as what a trend leaves."""
+    """Hyperparameters of a process as strong as the noise that ``plain`` leaves."""
     noise = plain.hyperparameters.noise
     return Hyperparameters(np.log([noise, *[FIRST_LENGTH_SCALE] * setting.scales]), noise)
 
 
 def _strong_enough(hyperparameters: Hyperparameters) -> Hyperparameters | None:
-    """None where the process has died, from where no search finds back."""
-    return hyperparameters if np.exp(hyperparameters.kernel[0]) > WEAK * hyperparameters.noise else None
+    """``hyperparameters`` as a start for others; None where the process has vanished, which no search undoes."""
+    return hyperparameters if np.exp(hyperparameters.kernel[0]) > MIN_PROCESS_RATIO * hyperparameters.noise else None
 
 
 def _with_process(
     setting: Setting, solved: Solved, start: Hyperparameters | None, seen: Observations, needed: float
 ) -> Candidate | None:
-    """The best trend of the search with the process, chosen with the hyperparameters of another search; those of its
-    own are not looked for where the evidence ``needed`` is out of reach.
+    """The best trend of the search with the process, chosen at the hyperparameters ``start`` of another search.
+
+    The search for its own hyperparameters stops early where the evidence ``needed`` is out of reach.
     """
     whole = linearise_with(setting, solved.solution, sine_basis(setting.half_size, SCREENING_LENGTH_SCALE), seen)
     start = start or _fitted(setting, whole, _first_guess(setting, solved.plain)).hyperparameters
@@ -304,7 +313,7 @@ def _best_at(
     needed: float = -np.inf,
     doubt: float = 0.0,
 ) -> Candidate | None:
-    """The best of ``trends`` within ``whole`` at the hyperparameters ``start``, with its own; the process is on."""
+    """The best of ``trends`` within ``whole`` with the process: chosen at the hyperparameters ``start``, at its own."""
     general, first = solution.model.trend, 2 * len(whole.frequencies)
     removed = _removed(general, trends, whole)
     averaged = process_averaged(whole, setting.density, start)
@@ -321,13 +330,14 @@ def _best_at(
 
 
 def _fitted(setting: Setting, problem: Linearised, start: Hyperparameters, needed: float = -np.inf) -> Fit:
+    """The hyperparameters of ``problem`` by a few steps from ``start``."""
     return maximise_evidence(
         problem,
         setting.density,
         start,
         shortest=setting.shortest,
         resolved=SCREENING_LENGTH_SCALE,
-        most=8,
+        most=MAX_SCREENING_SCORING_STEPS,
         needed=needed,
     )
 
@@ -335,10 +345,10 @@ def _fitted(setting: Setting, problem: Linearised, start: Hyperparameters, neede
 def contest(
     setting: Setting, stages: Sequence[Sequence[Search]], tried: Sequence[Candidate], seen: Observations
 ) -> list[Candidate]:
-    """The best of each of the leading searches after a closer look, best first.
+    """The finalists: the best of each leading search after a closer look, best first.
 
-    Far from where it was linearised a trend's evidence is only rough, so each leader is solved for itself and
-    compared with its neighbours anew; where none near the best holds what it promised, those farther behind are too.
+    Far from where it was linearised the evidence of a trend is only approximate, so each leader is solved for itself
+    and compared with similar trends anew. Leaders farther behind are looked at only where no closer one holds.
     """
     orders = {trend.order for searches in stages for search in searches for trend in search.within}
     leaders: dict[int, Candidate] = {}
@@ -348,8 +358,9 @@ def contest(
     looks: dict[Search, Candidate | None] = {}
     for leader in ranked:
         held = [found for found in looks.values() if found]
-        near = leader.on or leader.score > ranked[0].score - WINDOW  # a strong process is not nearly linear
-        if len(held) >= CONTENDERS or (held and not near):
+        # A strong process is badly linearised, so candidates that have it are always near.
+        near = leader.on or leader.score > ranked[0].score - EVIDENCE_WINDOW
+        if len(held) >= MAX_CONTENDERS or (held and not near):
             break
         if (around := leader.trend.around()) not in looks:
             looks[around] = _closer(setting, leader, orders, seen)
@@ -358,18 +369,19 @@ def contest(
 
 
 def _by_doubt(finalists: list[Candidate]) -> list[Candidate]:
-    """Best first; of those that the evidence hardly tells from the best the most general before it.
+    """``finalists``, best first, but those within :data:`EVIDENCE_DOUBT` of the best by generality.
 
-    Trends that fit alike may be pixels apart where no two boards tell, and each one's error bars know only itself.
+    Trends that fit equally well may differ by pixels where few boards are, and the error bars of each assume that it is
+    the right one; those of the most general are the most honest.
     """
-    limit = max((candidate.score for candidate in finalists), default=0.0) - DOUBT
+    limit = max((candidate.score for candidate in finalists), default=0.0) - EVIDENCE_DOUBT
     by_score = sorted(finalists, key=lambda candidate: -candidate.score)
     doubtful = [candidate for candidate in by_score if candidate.score >= limit]
     return sorted(doubtful, key=lambda candidate: candidate.generality, reverse=True) + by_score[len(doubtful) :]
 
 
 def _retested(setting: Setting, best: Candidate, seen: Observations) -> Candidate:
-    """``best``, with the process where all corners ask for it although some did not."""
+    """``best``, with the process where all corners favour it although a part of them did not."""
     if best.on:
         return best
     whole = linearise_with(setting, best.origin, sine_basis(setting.half_size, SCREENING_LENGTH_SCALE), seen)
@@ -380,17 +392,18 @@ def _retested(setting: Setting, best: Candidate, seen: Observations) -> Candidat
 def _closer(
     setting: Setting, leader: Candidate, orders: Container[int], seen: Observations
 ) -> Candidate | None:
-    """The best trend around ``leader``, linearised where that is solved; None where it leaves far more than there."""
+    """The best trend around ``leader``, linearised at its own solution; None where it leaves far more noise there."""
     search = leader.trend.around()
-    solution = led(setting, search.general, leader.origin, seen)
+    solution = solve_thinned(setting, search.general, leader.origin, seen)
     if solution is None:
         return None
     trends = [trend for trend in search.within if trend.order in orders]
     basis = sine_basis(setting.half_size, SCREENING_LENGTH_SCALE) if leader.on else no_basis(setting.half_size)
     whole = linearise_with(setting, solution, basis, seen)
-    found = [_without_process(setting, solution, whole.without_process(), trends, leader.hyperparameters.noise, DOUBT)]
+    noise = leader.hyperparameters.noise
+    found = [_without_process(setting, solution, whole.without_process(), trends, noise, EVIDENCE_DOUBT)]
     if leader.on:
-        found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters, doubt=DOUBT))
+        found.append(_best_at(setting, solution, whole, trends, leader.hyperparameters, doubt=EVIDENCE_DOUBT))
     best = next(iter(_by_doubt([candidate for candidate in found if candidate])), None)
-    holds = best is not None and best.hyperparameters.noise < BROKEN * leader.hyperparameters.noise
+    holds = best is not None and best.hyperparameters.noise < MAX_NOISE_RATIO * noise
     return best if holds else None

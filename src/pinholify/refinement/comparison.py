@@ -1,4 +1,4 @@
-"""Two cameras of the same image compared: how far apart their rays are, in px, once one is turned onto the other."""
+"""The comparison of two cameras: the differences of their rays, in px, after the best rotation."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from pinholify.errors import InputError
 from pinholify.geometry import cross_matrices, nearest_rotation, rotations_of
 from pinholify.refinement.maps import JointMap
 
-GRID = 40
+GRID = 40  # pixels along each side of the image
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
     """The difference of two cameras on a grid of pixels.
 
-    ``uv`` (n, 2) px, ``difference`` (n, 2) px: where the first camera's image has what the second sees at ``uv``,
-    minus ``uv``; ``expected_std`` (n,) px per axis from both cameras' own uncertainty, after the best rotation too;
-    ``covered`` (n,) whether both cameras are believed there; ``rotation`` (3, 3) takes the second's directions to the
-    first's.
+    ``uv`` (n, 2) are the pixels, ``difference`` (n, 2) px is where the first camera's image has what the second sees at
+    ``uv``, minus ``uv``. ``expected_std`` (n,) px per axis is due to both cameras' own uncertainty, after the best
+    rotation too. ``covered`` (n,) marks the pixels in the domains of both cameras. ``rotation`` (3, 3) takes the
+    second's directions to the first's.
     """
 
     uv: Floats
@@ -33,27 +33,27 @@ class Comparison:
     rotation: Floats
 
     def rms(self, *, everywhere: bool = False) -> float:
-        """Root mean square length of the difference, px, where both are believed or ``everywhere`` that both see."""
+        """RMS length of the difference, px, in the domains of both cameras or ``everywhere`` that both have rays."""
         chosen = self.difference[np.isfinite(self.difference).all(axis=1) if everywhere else self.covered]
         return float(np.sqrt((chosen**2).sum(axis=1).mean())) if len(chosen) else float("nan")
 
     @property
     def expected_rms(self) -> float:
-        """What :meth:`rms` would be of two calibrations of one unchanged camera, px."""
+        """The :meth:`rms`, px, that is expected of two calibrations of one unchanged camera."""
         chosen = self.expected_std[self.covered]
         return float(np.sqrt(2.0 * (chosen**2).mean())) if len(chosen) else float("nan")
 
 
 def compare(first: VirtualCamera, second: VirtualCamera) -> Comparison:
-    """How far the cameras' rays are apart over the image, after the best rotation where both are believed.
+    """The differences of the cameras' rays over the image, after the best rotation in the domains of both.
 
-    The reference boards' frames are of no matter. Raises InputError for images of different size, or cameras that are
-    believed nowhere together.
+    The frames of the reference boards do not matter. Raises InputError for images of different size, or domains that do
+    not overlap.
     """
     if first.image_size != second.image_size:
         raise InputError(
-            f"the cameras are of {first.image_size[0]}x{first.image_size[1]} and {second.image_size[0]}x"
-            f"{second.image_size[1]} px: compare cameras of images of the same size"
+            f"the cameras are for images of {first.image_size[0]}x{first.image_size[1]} and {second.image_size[0]}x"
+            f"{second.image_size[1]} px: compare cameras for images of the same size"
         )
     u, v = (np.linspace(0.0, extent - 1.0, GRID) for extent in first.image_size)
     uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -64,16 +64,15 @@ def compare(first: VirtualCamera, second: VirtualCamera) -> Comparison:
         raise InputError("the cameras' covered areas do not overlap: photograph boards in the same part of the image")
     to_px = _pixels_per_direction(first, uv)
     rotation = _best_rotation(one.directions[covered], two.directions[covered], to_px[covered])
-    apart = two.directions @ rotation.T - one.directions
-    difference = np.einsum("nij,nj->ni", to_px, apart)
+    difference = np.einsum("nij,nj->ni", to_px, two.directions @ rotation.T - one.directions)
     expected = np.hypot(_own_std(first, uv, covered), _own_std(second, uv, covered))
     return Comparison(uv, difference, expected, covered, rotation)
 
 
 def _own_std(camera: VirtualCamera, uv: Floats, covered: Bools) -> Floats:
-    """Standard deviation (n,) px per axis of the camera's rays, the error that the best rotation takes up left out.
+    """Standard deviation (n,) px per axis of the camera's rays, without the error that the best rotation absorbs.
 
-    Of a map that does not say how its errors hang together, all of it.
+    For a map that does not give the correlations of its errors, it is all of the error.
     """
     plane_map = camera.plane_map
     if not isinstance(plane_map, JointMap):
@@ -87,7 +86,7 @@ def _own_std(camera: VirtualCamera, uv: Floats, covered: Bools) -> Floats:
 
 
 def _pixels_per_direction(camera: VirtualCamera, uv: Floats) -> Floats:
-    """∂uv/∂direction on the tangent plane, (n, 2, 3); nan where the camera sees nothing."""
+    """∂uv/∂direction (n, 2, 3) on the tangent plane, at ``uv`` (n, 2); nan where the camera has no ray."""
     by_pixel = camera.chart.direction_jacobian(camera.plane_map.value(uv)) @ camera.plane_map.jacobian(uv)
     known = np.isfinite(by_pixel).all(axis=(1, 2))
     jacobian = np.full((len(uv), 2, 3), np.nan)
@@ -96,7 +95,7 @@ def _pixels_per_direction(camera: VirtualCamera, uv: Floats) -> Floats:
 
 
 def _best_rotation(target: Floats, source: Floats, to_px: Floats) -> Floats:
-    """The rotation (3, 3) of ``source`` directions onto ``target`` that leaves the least squares in px."""
+    """The rotation (3, 3) of ``source`` directions (n, 3) onto ``target`` (n, 3) of least squared differences in px."""
     start = nearest_rotation(target.T @ source)
 
     def residual(vector: Floats) -> Floats:

@@ -1,6 +1,6 @@
-"""Is it good? Structure in the residuals, boards that look wrong, and where the next board helps most.
+"""Diagnosis of a finished camera: structure in the residuals, suspicious boards, and where the next board helps most.
 
-Pure functions of residuals, such as a :class:`~pinholify.refinement.result.JointResult` has, and their corners.
+Pure functions of residuals, such as those of a :class:`~pinholify.refinement.result.JointResult`, and their corners.
 """
 
 from __future__ import annotations
@@ -17,26 +17,27 @@ from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.board import Board, lattice, outline
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
-from pinholify.geometry import Pose, cross_matrices, inverse_2x2, rotations_of
+from pinholify.geometry import POSE_DOF, Pose, cross_matrices, inverse_2x2, rotations_of
 from pinholify.refinement.maps import JointMap
 
-NEIGHBOURS = 8
-GRID = 12  # points of the image along each axis over which the next board's gain is averaged
-ENOUGH_CORNERS = 45  # of a board, each standing for several, tell what all of them would bring
-SUSPICIOUS = 1e-4  # probability of so large a misfit, once corrected for the number of boards
+NEIGHBOURS = 8  # of each corner, in the test of structure
+GRID_POINTS = 12  # along each side of the image, over which the next board's gain is averaged
+SAMPLED_CORNERS = 45  # at least, of a board that may be next; each stands for several
+SUSPICIOUS_P_VALUE = 1e-4  # of a board's misfit, once corrected for the number of boards
+MAX_TILT_RAD = 0.6  # of a next board, about each axis
 
 
 class Residuals(Protocol):
-    """Residuals (n, 2) px and inlier masks (n,) beside the corners of each view that was used, and their noise."""
+    """Residuals (n, 2) px and inlier masks (n,) of the corners of each used view, by name, and their noise."""
 
     @property
     def residuals(self) -> Mapping[str, Floats]:
-        """By view name, px."""
+        """Residuals (n, 2) px by view name."""
         ...
 
     @property
     def inliers(self) -> Mapping[str, Bools]:
-        """By view name: which corners to look at."""
+        """Masks (n,) of the corners that count, by view name."""
         ...
 
     @property
@@ -47,9 +48,9 @@ class Residuals(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Structure:
-    """Whether residuals that lie close together in the image are alike.
+    """The correlation of residuals that are close together in the image.
 
-    ``correlation`` is the mean product of a whitened residual with its neighbours' (0: none, 1: they are the same),
+    ``correlation`` is the mean product of a whitened residual with its neighbours' (0: independent, 1: equal),
     ``p_value`` the probability of as much or more where there is no structure.
     """
 
@@ -60,9 +61,9 @@ class Structure:
 def residual_structure(result: Residuals, corners: CornerSet) -> Structure:
     """Moran's I of the whitened inlier residuals over the nearest corners of *other* boards (Moran 1950).
 
-    What a camera model lacks shows where several boards agree, and a board's own error (its pose, its bow) does not:
-    hence other boards only. The null distribution turns each board's residuals as a whole by a random angle, which
-    keeps what is alike within a board.
+    What a camera model lacks shows in several boards alike, while a board's own error (its pose, its bow) does not;
+    hence only other boards count. The null distribution turns all residuals of a board by the same random angle, which
+    preserves the correlation within a board.
     """
     uv, whitened, board = _inliers(result, corners)
     first, second = _pairs_across_boards(uv, board)
@@ -80,7 +81,7 @@ def residual_structure(result: Residuals, corners: CornerSet) -> Structure:
 
 
 def _inliers(result: Residuals, corners: CornerSet) -> tuple[Floats, Floats, Ints]:
-    """Places (n, 2) px, residuals in standard deviations (n, 2), and the board's index (n,)."""
+    """Pixels (n, 2), residuals (n, 2) in standard deviations, and board indices (n,) of all inliers."""
     used = [view for view in corners.views if view.name in result.residuals]
     uv, whitened, board = [], [], []
     for k, view in enumerate(used):
@@ -92,6 +93,7 @@ def _inliers(result: Residuals, corners: CornerSet) -> tuple[Floats, Floats, Int
 
 
 def _pairs_across_boards(uv: Floats, board: Ints) -> tuple[Ints, Ints]:
+    """Indices of the corners and of their near neighbours on other boards, (pairs,) each."""
     near = cKDTree(uv).query(uv, k=range(1, min(NEIGHBOURS + 1, len(uv)) + 1))[1][:, 1:]  # the first is itself
     first = np.repeat(np.arange(len(uv)), near.shape[1])
     second = near.ravel()
@@ -101,7 +103,7 @@ def _pairs_across_boards(uv: Floats, board: Ints) -> tuple[Ints, Ints]:
 
 @dataclass(frozen=True, slots=True)
 class BoardSuspicion:
-    """``ratio`` of a board's RMS residual to the noise, and the probability ``p_value`` of a larger one by chance."""
+    """The ``ratio`` of a board's RMS residual to the noise, and the ``p_value`` of a larger one by chance."""
 
     name: str
     ratio: float
@@ -111,7 +113,7 @@ class BoardSuspicion:
 def suspicious_boards(result: Residuals, corners: CornerSet) -> list[BoardSuspicion]:
     """Used boards whose residuals are too large for the noise, worst first.
 
-    By the χ² of their inliers with six degrees of freedom taken by the pose, corrected for the number of boards
+    The test is the χ² of their inliers, less the six degrees of freedom of the pose, corrected for the number of boards
     (Bonferroni). Boards that were not used at all are in ``result.dropped`` with the reason.
     """
     found = []
@@ -120,19 +122,19 @@ def suspicious_boards(result: Residuals, corners: CornerSet) -> list[BoardSuspic
             continue
         keep = result.inliers[view.name]
         whitened = result.residuals[view.name][keep] * view.weights[keep, None] / result.noise_px
-        freedom = max(whitened.size - 6, 1)
+        freedom = max(whitened.size - POSE_DOF, 1)
         misfit = float((whitened**2).sum())
         p_value = min(1.0, float(gammaincc(freedom / 2.0, misfit / 2.0)) * len(result.residuals))
-        if p_value < SUSPICIOUS:
+        if p_value < SUSPICIOUS_P_VALUE:
             found.append(BoardSuspicion(view.name, float(np.sqrt(misfit / freedom)), p_value))
     return sorted(found, key=lambda suspicion: -suspicion.ratio)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NextBoard:
-    """A place for the next board: its ``pose``, its ``outline`` (n, 2) px in the image, and what it would bring.
+    """A place for the next board: its ``pose``, its ``outline`` (n, 2) px in the image, and its benefit.
 
-    ``std_before`` and ``std_after`` are the root mean square of the predicted standard deviation over the image, px.
+    ``std_before`` and ``std_after`` are the RMS of the predicted standard deviation over the image, in px.
     """
 
     pose: Pose
@@ -147,17 +149,17 @@ class NextBoard:
 def next_board(
     camera: VirtualCamera, board: Board, known: Mapping[str, Pose], *, targets: int = 5, seed: int = 0
 ) -> NextBoard | None:
-    """Where one more photograph would lower the predicted variance over the whole image most.
+    """The place where one more photograph of the board would lower the predicted variance over the image most.
 
-    Tries boards at the distances of the ``known`` ones, aimed at ``targets`` × ``targets`` pixels, with the tilts that
-    people manage, and for each works out the posterior that its corners would leave (Bayesian experimental design;
-    no measurement is needed for that). None where the camera is no joint one, or no board fits into the image.
-    Where its map has no ray, beyond the last one of the lens, nothing is asked and no corner placed.
+    Boards are tried at the distances of the ``known`` ones, aimed at ``targets`` × ``targets`` pixels, with tilts that
+    people manage. For each, the posterior with its corners is computed (Bayesian experimental design; that needs no
+    measurement). Pixels where the map has no ray do not count, and no corner is placed there. None where the camera is
+    not a joint one, or no board fits into the image.
     """
     plane_map = camera.plane_map
     if not isinstance(plane_map, JointMap):
         return None
-    grid = _px_features(plane_map, _image_grid(camera.image_size, GRID))
+    grid = _px_features(plane_map, _image_grid(camera.image_size, GRID_POINTS))
     spread = grid[np.isfinite(grid).all(axis=(1, 2))].reshape(-1, len(plane_map.root)) @ plane_map.root
     variance = float((spread**2).sum())
     best, most = None, -1.0
@@ -178,7 +180,7 @@ def _image_grid(image_size: tuple[int, int], count: int) -> Floats:
 
 
 def _px_features(plane_map: JointMap, uv: Floats) -> Floats:
-    """∂(shift of the pixel)/∂unknowns, (n, 2, D)."""
+    """∂(shift of the pixel)/∂unknowns (n, 2, D), in px, at ``uv`` (n, 2)."""
     return np.asarray(inverse_2x2(plane_map.jacobian(uv)) @ plane_map.features(uv))
 
 
@@ -190,6 +192,7 @@ def _outline(board: Board) -> Floats:
 def _placements(
     camera: VirtualCamera, board: Board, known: Mapping[str, Pose], targets: int, rng: np.random.Generator
 ) -> Iterable[Pose]:
+    """Poses to try: a near and a typical distance for each target, with random tilts."""
     middle = np.append(lattice(board).mean(axis=0), 0.0)
     distances = [float(np.linalg.norm(pose.apply(middle[None])[0])) for pose in known.values()]
     extent = np.array(camera.image_size) - 1.0
@@ -197,12 +200,12 @@ def _placements(
     aims = np.stack(np.meshgrid(fractions, fractions), axis=-1).reshape(-1, 2) * extent
     for direction in camera.to_rays(aims).directions:
         for distance in np.quantile(distances, [0.1, 0.5]):
-            tilt = rotations_of(np.append(rng.uniform(-0.6, 0.6, 2), 0.0)[None])[0]
+            tilt = rotations_of(np.append(rng.uniform(-MAX_TILT_RAD, MAX_TILT_RAD, 2), 0.0)[None])[0]
             yield Pose(tilt, distance * direction - tilt @ middle)
 
 
 def _within_image(camera: VirtualCamera, board: Board, poses: Sequence[Pose]) -> Iterator[tuple[Pose, Floats]]:
-    """Those of ``poses`` at which the image holds the whole board, and where its corners would be seen (n, 2)."""
+    """Those of ``poses`` at which the whole board is in the image, with the pixels (n, 2) of its corners."""
     points = lattice(board)
     uv = camera.project(np.concatenate([pose.apply(points) for pose in poses])).reshape(len(poses), *points.shape)
     for pose, seen in zip(poses, uv, strict=True):
@@ -213,18 +216,19 @@ def _within_image(camera: VirtualCamera, board: Board, poses: Sequence[Pose]) ->
 def _explained(
     camera: VirtualCamera, plane_map: JointMap, board: Board, pose: Pose, uv: Floats, spread: Floats
 ) -> float | None:
-    """How much a board at ``pose``, its corners seen at ``uv``, takes off the sum of squares of ``spread`` (m, r): what
-    a root of the covariance moves. None where the map has no ray at one of the corners.
+    """The decrease of the sum of squares of ``spread`` by a board at ``pose`` with its corners at ``uv`` (n, 2).
+
+    ``spread`` (m, r) is the effect of a root of the covariance. None where the map has no ray at one of the corners.
     """
-    every = max(1, len(uv) // ENOUGH_CORNERS)
+    every = max(1, len(uv) // SAMPLED_CORNERS)
     xyz, uv = pose.apply(lattice(board))[::every], uv[::every]
     by_point = inverse_2x2(plane_map.jacobian(uv)) @ camera.chart.coordinate_jacobian(xyz)
-    own = np.concatenate([-by_point @ cross_matrices(xyz - pose.translation), by_point], axis=2).reshape(-1, 6)
+    own = np.concatenate([-by_point @ cross_matrices(xyz - pose.translation), by_point], axis=2).reshape(-1, POSE_DOF)
     rows = _px_features(plane_map, uv).reshape(len(own), -1) @ plane_map.root
     if not (np.isfinite(own).all() and np.isfinite(rows).all()):
         return None
     rows -= own @ np.linalg.lstsq(own, rows, rcond=None)[0]  # the new board's own pose is free
-    rows *= np.sqrt(every) / (camera.noise_px * plane_map.disagreement)  # a board like those that there are
+    rows *= np.sqrt(every) / (camera.noise_px * plane_map.disagreement)  # a board as noisy as the known ones
     # Woodbury: (1 + BᵀB)⁻¹ = 1 − Bᵀ(1 + BBᵀ)⁻¹B with B the rows.
     root = np.linalg.cholesky(np.eye(len(rows)) + rows @ rows.T)
     return float((np.linalg.solve(root, rows @ spread.T) ** 2).sum())

@@ -1,9 +1,13 @@
-"""Laplace evidence of the linearised joint solve, and the hyperparameters that maximise it.
+"""The Laplace evidence of the linearised joint solve, and the hyperparameters that maximise it.
 
-With the poses eliminated, residual r − J δ and prior θ + δ ~ N(0, Λ⁻¹), everything follows from the unit-
-noise normal equations (S, s, ‖r‖²), so a trial of hyperparameters costs one Cholesky factor of A = S/σ² + Λ:
+With the poses eliminated, the residual is r − J δ and the prior θ + δ ~ N(0, Λ⁻¹). Everything then follows from the
+normal equations at unit noise (S, s, ‖r‖²), so that each trial of hyperparameters costs one Cholesky factor of
+A = S/σ² + Λ:
 
     log p = −½ (‖r‖²/σ² + θᵀΛθ − bᵀA⁻¹b) − ½ log|A| + ½ log|Λ| − ½ Σ_k log|C_k/σ²| − N log 2πσ²,   b = s/σ² − Λθ.
+
+Hyperparameters are the kernel's and the noise σ. For a model with fewer unknowns than S has, rows and columns are left
+out; that is how one solve ranks a whole family of trends.
 """
 
 from __future__ import annotations
@@ -15,28 +19,29 @@ from scipy.linalg import cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri
 
 from pinholify.arrays import Bools, Floats
+from pinholify.geometry import POSE_DOF
+from pinholify.gp.regression import LOG_2PI
 from pinholify.refinement.normal import NormalEquations
 from pinholify.refinement.spectral import LogDensity
 
-LOG_2PI = float(np.log(2.0 * np.pi))
-STD_RANGE = (1e-7, 0.1)  # of the process, in normalised image units; what is more is the trend's
-NOISE_RANGE = (1e-8, 0.1)
-LONGEST = 1.0
-NOISE_ROUNDS, NOISE_TOLERANCE = 3, 1e-4
-LARGEST_LOG_PRECISION = 100.0  # of a weight that the process cannot have
-LONGEST_STEP = 2.0  # of any log hyperparameter in one step of the search
-GAIN = 0.01  # nats that a step has to promise
-HOPE = 5.0  # times what a step promises: what more is missing, no further steps will bring
-RIDGE = 1e-6  # of the information, where the evidence tells nothing of a hyperparameter
+STD_RANGE = (1e-7, 0.1)  # of the process, in normalised image units; larger displacements are for the trend
+NOISE_RANGE = (1e-8, 0.1)  # normalised image units
+MAX_LENGTH_SCALE = 1.0  # half diagonals of the image
+NOISE_ROUNDS, NOISE_TOLERANCE = 3, 1e-4  # of the fixed point of the noise
+MAX_LOG_PRECISION = 100.0  # of a weight: larger ones, for weights that are zero, would overflow
+MAX_LOG_STEP = 2.0  # of any log hyperparameter in one step of the search
+MIN_GAIN = 0.01  # nats: a step that promises less ends the search
+MAX_GAIN_RATIO = 5.0  # of the gain of all further steps to what the next one promises
+RIDGE = 1e-6  # relative, on the information, for hyperparameters that the evidence does not determine
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
-    """Unit-noise equations around ``theta`` (D,): ``matrix`` S, ``right`` s, ``misfit`` ‖r‖², the rest as
-    there.
+    """The problem linearised around ``theta`` (D,), with the poses eliminated, at unit noise.
 
-    ``frequencies`` (M, 2) are those of the process's weights, the first 2M of θ; ``precision`` (D − 2M,) is
-    the prior's of the rest.
+    ``matrix`` S (D, D), ``right`` s (D,), ``misfit`` ‖r‖², ``log_det_poses`` and ``rows`` are those of
+    :class:`NormalEquations`; ``boards`` is their number. ``frequencies`` (M, 2) are those of the process's weights, the
+    first 2M of θ; ``precision`` (D − 2M,) is the prior's of the other unknowns.
     """
 
     matrix: Floats
@@ -50,7 +55,7 @@ class Linearised:
     precision: Floats
 
     def without(self, removed: Bools) -> Linearised:
-        """The same with the unknowns where ``removed`` (D,) is true held at zero; weights in pairs."""
+        """The same problem with the unknowns where ``removed`` (D,) is True fixed at zero; weights only in pairs."""
         keep, gone = ~removed, -self.theta[removed]
         m = len(self.frequencies)
         columns = self.matrix[:, removed] @ gone
@@ -67,14 +72,14 @@ class Linearised:
         )
 
     def without_process(self) -> Linearised:
-        """The same with the process switched off."""
+        """The same problem with the process switched off."""
         return self.without(np.arange(len(self.theta)) < 2 * len(self.frequencies))
 
 
 def linearised(
     equations: NormalEquations, boards: int, theta: Floats, frequencies: Floats, precision: Floats
 ) -> Linearised:
-    """The undamped ``equations`` around ``theta``."""
+    """The problem of the undamped ``equations`` around ``theta`` (D,); ``precision`` is that of all but weights."""
     return Linearised(
         equations.matrix,
         equations.right,
@@ -89,7 +94,7 @@ def linearised(
 
 
 def process_averaged(at: Linearised, density: LogDensity, hyperparameters: Hyperparameters) -> Linearised:
-    """``at`` with the process's weights integrated out: the same evidence at the noise of ``hyperparameters``."""
+    """``at`` with the process's weights integrated out: it has the same evidence, at the ``hyperparameters`` given."""
     m, noise = 2 * len(at.frequencies), hyperparameters.noise
     precision = hyperparameters.precision(density, at.frequencies, at.precision)[:m]
     root = precision**-0.5 / noise
@@ -97,7 +102,7 @@ def process_averaged(at: Linearised, density: LogDensity, hyperparameters: Hyper
     scaled[np.diag_indices(m)] += 1.0
     cholesky = np.linalg.cholesky(scaled)
     weights = at.theta[:m]
-    right = at.right + at.matrix[:, :m] @ weights  # as if linearised where they are zero
+    right = at.right + at.matrix[:, :m] @ weights  # as if linearised at zero weights
     misfit = at.misfit + float((at.right[:m] + right[:m]) @ weights)
     sides = solve_triangular(cholesky, root[:, None] * np.column_stack([at.matrix[:m, m:], right[:m]]), lower=True)
     cross, pull = sides[:, :-1], sides[:, -1]
@@ -116,8 +121,10 @@ def process_averaged(at: Linearised, density: LogDensity, hyperparameters: Hyper
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """At given hyperparameters: ``log_evidence``, the best step ``delta`` (D,), the sum of squares ``misfit`` that it
-    leaves, and ``cholesky`` (D, D), the lower factor of the posterior precision in units of the prior's.
+    """The Gaussian posterior at given hyperparameters.
+
+    ``delta`` (D,) is the step to its mean, ``misfit`` the sum of squares there, and ``cholesky`` (D, D) the lower
+    factor of the posterior precision in units of the prior's.
     """
 
     log_evidence: float
@@ -127,20 +134,20 @@ class Posterior:
 
     def covariance(self) -> Floats:
         """The posterior covariance in units of the prior's, (D, D): its lower triangle, zeros above."""
-        return np.asarray(dpotri(self.cholesky.T, lower=0)[0].T)  # transposed, it is copied as it stands
+        return np.asarray(dpotri(self.cholesky.T, lower=0)[0].T)  # transposed, it is copied without reordering
 
 
 def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
-    """The Gaussian posterior for prior ``precision`` (D,) and ``noise`` per axis.
+    """The Gaussian posterior for prior ``precision`` (D,) and ``noise`` per axis, normalised.
 
-    Raises numpy.linalg.LinAlgError where double precision does not suffice.
+    Raises numpy.linalg.LinAlgError where the posterior precision is not positive definite in double precision.
     """
     root = precision**-0.5
     scaled = at.matrix * (root / noise)
     scaled *= (root / noise)[:, None]
     scaled[np.diag_indices(len(root))] += 1.0
     cholesky: Floats = np.asarray(np.linalg.cholesky(scaled), dtype=np.float64)
-    # The new unknowns, not the step to them: a prior that holds weights at zero would multiply the step's rounding.
+    # Solve for the new unknowns, not for the step: a prior that holds weights at zero would amplify its rounding.
     solved = cho_solve((cholesky, True), (at.right + at.matrix @ at.theta) * root / noise**2, check_finite=False)
     delta = solved * root - at.theta
     misfit = at.misfit - 2.0 * float(at.right @ delta) + float(delta @ at.matrix @ delta)
@@ -150,15 +157,17 @@ def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
 
 
 def _of_noise(at: Linearised, noise: float | Floats) -> float | Floats:
-    """−2 times what the evidence owes to the poses' determinant and the number of residuals alone, elementwise."""
+    """−2 times the terms of the evidence by the poses' determinants and the number of residuals, elementwise."""
     log_noise = 2.0 * np.log(noise)
-    return at.log_det_poses - 6.0 * at.boards * log_noise + at.rows * (LOG_2PI + log_noise)
+    return at.log_det_poses - POSE_DOF * at.boards * log_noise + at.rows * (LOG_2PI + log_noise)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nested:
-    """Posteriors of n models within one: ``noise`` (n,), ``log_evidence`` (n,), unknowns ``theta`` (n, D), zero where
-    a model lacks them, the sums of squares ``misfit`` (n,) they leave, and how many the data ``determined`` (n,).
+    """Posteriors of n models within a larger one, each with its ``noise`` (n,) and ``log_evidence`` (n,).
+
+    ``theta`` (n, D) are their unknowns, zero where a model lacks them, ``misfit`` (n,) the sums of squares, and
+    ``determined`` (n,) the effective number of unknowns that the data determine.
     """
 
     noise: Floats
@@ -169,9 +178,9 @@ class Nested:
 
 
 def nested(at: Linearised, kept: Bools, noise: Floats) -> Nested:
-    """The posteriors where only the unknowns ``kept`` (n, D) are free and the others zero, for ``noise`` (n,) each.
+    """The posteriors of n models whose free unknowns are ``kept`` (n, D) and the others zero, for ``noise`` (n,).
 
-    ``at`` has no process: one call for many small models costs what a few calls of :func:`posterior` do.
+    ``at`` has no process. One call for many small models costs as much as a few calls of :func:`posterior`.
     """
     root = kept * at.precision**-0.5
     scaled = at.matrix * (root[:, :, None] * root[:, None, :]) / noise[:, None, None] ** 2 + np.eye(root.shape[1])
@@ -190,10 +199,10 @@ def nested(at: Linearised, kept: Bools, noise: Floats) -> Nested:
 
 
 def nested_noise(at: Linearised, kept: Bools, noise: float) -> Nested:
-    """:func:`nested` at the noise of highest evidence of each, by its fixed point from ``noise``."""
+    """:func:`nested` with the noise of highest evidence of each model, by fixed-point iteration from ``noise``."""
     found = nested(at, kept, np.full(len(kept), noise))
     for _ in range(NOISE_ROUNDS):
-        freedom = np.maximum(at.rows - 6 * at.boards - found.determined, 1.0)
+        freedom = np.maximum(at.rows - POSE_DOF * at.boards - found.determined, 1.0)
         better = np.maximum(np.sqrt(found.misfit / freedom), NOISE_RANGE[0])
         moved = np.abs(better / found.noise - 1.0).max()
         found = nested(at, kept, better)
@@ -204,24 +213,25 @@ def nested_noise(at: Linearised, kept: Bools, noise: float) -> Nested:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hyperparameters:
-    """``kernel`` log parameters (σ_f, length scales; normalised image units), empty where the process is off,
-    and ``noise``.
+    """``kernel`` holds the logs of σ_f and the length scales, empty where the process is off; ``noise`` is per axis.
+
+    All are in normalised image units.
     """
 
     kernel: Floats
     noise: float
 
     def precision(self, density: LogDensity, frequencies: Floats, rest: Floats) -> Floats:
-        """Prior precision (D,) of all globals; ``rest`` is that of (β, η)."""
+        """Prior precision (D,) of all globals; ``rest`` is that of all but the weights."""
         if not len(frequencies):
             return rest
-        weights = np.exp(np.minimum(-density(self.kernel, frequencies)[0], LARGEST_LOG_PRECISION))
+        weights = np.exp(np.minimum(-density(self.kernel, frequencies)[0], MAX_LOG_PRECISION))
         return np.concatenate([weights, weights, rest])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """Hyperparameters of the highest evidence found, and that evidence (with the length scale's prior)."""
+    """The hyperparameters of the highest evidence found, and that evidence, including the length scales' prior."""
 
     hyperparameters: Hyperparameters
     log_evidence: float
@@ -237,26 +247,26 @@ def maximise_evidence(
     most: int = 20,
     needed: float = -np.inf,
 ) -> Fit:
-    """Hyperparameters by Fisher scoring from ``start``, in at most ``most`` steps.
+    """The hyperparameters of highest evidence, by at most ``most`` steps of Fisher scoring from ``start``.
 
-    ``shortest`` is the penalised-complexity prior exp(−shortest/l); ``resolved`` the shortest length scale
-    that the functions of ``at`` can carry; the search is left where the log evidence ``needed`` is out of reach. Raises
-    numpy.linalg.LinAlgError where ``start`` has no evidence.
+    ``shortest`` is that of the penalised-complexity prior exp(−shortest/l) of the length scales; ``resolved`` is the
+    shortest length scale that the functions of ``at`` can represent. The search stops early where the log evidence
+    ``needed`` is out of reach. Raises numpy.linalg.LinAlgError where ``start`` has no evidence.
     """
     low, high = _log_bounds(len(start.kernel) - 1, resolved)
     here = _scored(at, density, np.clip(np.append(start.kernel, np.log(start.noise)), low, high), shortest)
-    longest = LONGEST_STEP
+    longest = MAX_LOG_STEP
     for _ in range(most):
         room = np.array([low, high]) - here.parameters
         step, promised = here.step(*np.clip(room, -longest, longest))
-        if promised < max(GAIN, (needed - here.value) / HOPE):
+        if promised < max(MIN_GAIN, (needed - here.value) / MAX_GAIN_RATIO):
             break
         try:
             there = _scored(at, density, here.parameters + step, shortest)
-        except np.linalg.LinAlgError:  # no longer positive definite in double precision: not a place to be
+        except np.linalg.LinAlgError:  # not positive definite in double precision: try a shorter step
             there = here
         if there.value > here.value:
-            here, longest = there, min(2.0 * longest, LONGEST_STEP)
+            here, longest = there, min(2.0 * longest, MAX_LOG_STEP)
         else:
             longest = 0.25 * float(np.abs(step).max())
     return Fit(_hyperparameters(here.parameters), here.value)
@@ -264,7 +274,7 @@ def maximise_evidence(
 
 def _log_bounds(scales: int, resolved: float) -> Floats:
     """Bounds (2, p) of the log parameters of a kernel of ``scales`` length scales, and of the log noise."""
-    length = (resolved, max(LONGEST, resolved))
+    length = (resolved, max(MAX_LENGTH_SCALE, resolved))
     kernel = [STD_RANGE, *[length] * scales] if scales > 0 else []
     return np.asarray(np.log([*kernel, NOISE_RANGE]).T)
 
@@ -275,8 +285,9 @@ def _hyperparameters(parameters: Floats) -> Hyperparameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scored:
-    """The log evidence with the length scale's prior at ``parameters`` (p,), log kernel parameters and log noise: its
-    ``value``, ``gradient`` (p,) and Fisher ``information`` (p, p).
+    """The log evidence, with the length scales' prior, at ``parameters`` (p,): log kernel parameters and log noise.
+
+    It comes with its ``gradient`` (p,) and its Fisher ``information`` (p, p).
     """
 
     parameters: Floats
@@ -287,7 +298,7 @@ class _Scored:
     def step(self, low: Floats, high: Floats) -> tuple[Floats, float]:
         """The scoring step (p,) between ``low`` and ``high`` (p,), and the gain that it promises.
 
-        What would go too far is held at its limit, the farthest first, and the others go where that leads them.
+        Components that would exceed their limits are fixed there, the farthest first, and the others solved anew.
         """
         step, free = np.zeros_like(self.gradient), np.ones(len(self.gradient), dtype=bool)
         matrix = self.information + np.diag(RIDGE * (1.0 + np.diag(self.information)))
@@ -304,13 +315,13 @@ class _Scored:
 
 
 def _scored(at: Linearised, density: LogDensity, parameters: Floats, shortest: float) -> _Scored:
-    """Value and derivatives in closed form."""
+    """The log evidence and its derivatives at ``parameters`` (p,), in closed form."""
     trial, m = _hyperparameters(parameters), 2 * len(at.frequencies)
     precision = trial.precision(density, at.frequencies, at.precision)
     found = posterior(at, precision, trial.noise)
     covariance = found.covariance()
     shrinkage = np.diag(covariance).copy()
-    freedom = at.rows - 6 * at.boards - len(precision)
+    freedom = at.rows - POSE_DOF * at.boards - len(precision)
     gradient = np.array([found.misfit / trial.noise**2 - shrinkage.sum() - freedom])
     if not m:
         slopes = np.empty((0, 0))
@@ -326,12 +337,13 @@ def _scored(at: Linearised, density: LogDensity, parameters: Floats, shortest: f
 
 
 def _information(covariance: Floats, slopes: Floats, freedom: float) -> Floats:
-    """Fisher information (p, p) of the log kernel parameters, by which the log variances of the first m unknowns have
-    ``slopes`` (m, p − 1), and of the log noise. ``covariance`` (D, D) is B⁻¹, the posterior's in units of the prior's,
-    its lower triangle; ``freedom`` the residuals beyond the unknowns.
+    """Fisher information (p, p) of the log kernel parameters and the log noise.
 
-    With Q = 1 − B⁻¹ that of two log variances' derivatives d, e is ½ dᵀ(Q∘Q)e, that of d and the log noise
-    dᵀ diag(B⁻¹ − B⁻²), that of the log noise twice the trace of the identity on the freedom and of B⁻².
+    ``slopes`` (m, p − 1) are the derivatives of the log variances of the first m unknowns by the log kernel parameters,
+    ``covariance`` (D, D) is the lower triangle of B⁻¹, the posterior's in units of the prior's, and ``freedom`` the
+    number of residuals beyond the unknowns. With Q = 1 − B⁻¹ and derivatives d and e of the log variances, the
+    information of d and e is ½ dᵀ(Q∘Q)e, that of d and the log noise dᵀ diag(B⁻¹ − B⁻²), and that of the log noise
+    twice the sum of ``freedom`` and the trace of B⁻².
     """
     m, own = len(slopes), np.diag(covariance).copy()
     lower = covariance**2

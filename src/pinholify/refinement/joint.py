@@ -1,4 +1,8 @@
-"""The joint refinement, from corners to a camera: start, wrong corners, trend, full solve, result."""
+"""The joint refinement from corners to a camera: :func:`refine` runs the stages, which have a module each.
+
+The order is start, screening of wrong corners, choice of the trend, full solve with cleaning, and result. Where the
+finished solve indicates a warp or motions of the boards, trend and solve are repeated with them.
+"""
 
 from __future__ import annotations
 
@@ -41,11 +45,11 @@ from pinholify.refinement.start import first_solution, given_lens
 from pinholify.refinement.trends import Search, searches_named
 from pinholify.refinement.warp import warp_of, warp_rms
 
-SHORTEST = 4.0  # typical distances between neighbouring corners of one board
+SHORTEST_LENGTH_SCALE = 4.0  # of the prior, in typical distances between neighbouring corners of one board
 FEWEST_BOARDS = 3
-EXTENSIONS = 2  # of the model, as one may hide another
-COVERED = 0.995  # of the corners: some that were found far off do not count
-SECOND_CHOICES = 8  # candidates that get a chance where no finalist can be solved
+MAX_EXTENSIONS = 2  # of the model, because one may hide another
+COVERED_QUANTILE = 0.995  # of the corners' radii: those farther out may be wrong
+SECOND_CHOICES = 8  # candidates to solve where no finalist can be solved
 
 Progress = Callable[[str], None]
 
@@ -63,11 +67,11 @@ def refine(
 ) -> JointResult:
     """The camera that all boards of ``corner_set`` determine together.
 
-    ``reference`` is the name of the view whose board fixes the camera's frame, or the first of the ``stand_ins`` that
-    can be used where it cannot; ``mirrored`` says that the image is a reflection (lattices are then left-handed in it),
-    ``kernel`` and ``trend`` are names of the registries. ``start`` is a camera that is roughly this one. ``progress``
-    is called with one line a stage. Raises InputError for names that are not known and a start of another size,
-    CalibrationError where the corners do not determine a camera.
+    ``reference`` is the name of the view whose board fixes the camera's frame; where that view cannot be used, the
+    first of the ``stand_ins`` that can takes its place. ``mirrored`` means that the image is a reflection, in which
+    lattices are left-handed. ``kernel`` and ``trend`` are names of the registries. ``start`` is a camera close to the
+    one sought. ``progress`` is called with one line per stage. Raises InputError for unknown names and for a start of
+    another image size, and CalibrationError where the corners do not determine a camera.
     """
     say = progress or (lambda _: None)
     density, scales = density_named(kernel)
@@ -83,7 +87,7 @@ def refine(
         board_shape(corner_set.board),
         frame.half_size,
         _covered(everything),
-        SHORTEST * _spacing(everything),
+        SHORTEST_LENGTH_SCALE * _spacing(everything),
     )
     first, fits = first_solution(setting, everything.thinned(), given)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
@@ -107,10 +111,10 @@ def _extended(
     trend: str,
     say: Progress,
 ) -> tuple[list[Candidate], Observations, Cleaned]:
-    """The finalists, the corners that chose among them, and the finished solve, its model extended where that asks."""
+    """The finalists, the corners that ranked them, and the finished solve, with its model extended where needed."""
     seen, known = screen(first, everything)
     finalists, cleaned = _refined(setting, stages, known, seen, everything, trend)
-    for extension in range(EXTENSIONS):
+    for extension in range(MAX_EXTENSIONS):
         richer = _richer(setting, cleaned, say)
         if richer is setting and (extension or not cleaned.rechoose):
             break
@@ -129,9 +133,9 @@ def _refined(
     everything: Observations,
     trend: str,
 ) -> tuple[list[Candidate], Cleaned]:
-    """The finalists, best first, and the first one that can be solved in full, cleaned."""
+    """The finalists, best first, and the cleaned full solve of the first one that can be solved."""
     tried = _ranked(setting, stages, known, seen)
-    if tried and spoilt(tried[0].origin, seen):  # by corners that the first solution could not tell from good ones
+    if tried and spoilt(tried[0].origin, seen):  # by corners that the first solution took for good ones
         seen, known = screen(tried[0].origin, seen)
         tried = _ranked(setting, stages, known, seen)
     finalists = contest(setting, stages, tried, seen)
@@ -142,28 +146,28 @@ def _refined(
         except SolveError:
             continue
     raise CalibrationError(
-        f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose trend 'auto'"
+        f"no camera with trend '{trend}' fits the corners: look for wrong boards, or choose the trend 'auto'"
     )
 
 
 def _richer(setting: Setting, cleaned: Cleaned, say: Progress) -> Setting:
-    """``setting`` with what the finished solve without it asks for: a warp of the board, motions of the boards.
+    """``setting`` with what the finished solve indicates: a warp of the board, or motions of the boards.
 
-    Few boards cannot tell motions from what the board's shape does to them, nor from a stretch of the print: where they
-    ask for motions they get neither.
+    Few boards do not separate motions from the board's shape, or from a stretch of the print: where they indicate
+    motions, they get neither.
     """
     solution, seen = cleaned.settled.solution, cleaned.seen
     if setting.shape.has(STRETCH) and not setting.shape.has(WARP):  # a board that was printed
         warped = warp_of(solution, setting.shape, seen, setting.density, cleaned.settled.hyperparameters)
         if warped is not None:
-            say("the board's corners are off alike in all views: the board gets a shape of its own")
+            say("the board's corners have the same errors in all views: the board is solved with a warp")
             setting = replace(setting, shape=warped)
     if not setting.motion and (motion := motion_of(solution, seen)):
         if seen.boards >= MANY_BOARDS:
-            say("the boards moved while the shutter rolled: each gets a motion of its own")
+            say("the boards moved while the shutter rolled: each is solved with its own motion")
             setting = replace(setting, motion=motion)
         elif setting.shape.has(STRETCH):
-            say("the boards differ by more than noise, so few of them do not tell whether the print is stretched")
+            say("the boards differ by more than noise and are too few to determine the stretch of the print")
             setting = replace(setting, shape=setting.shape.of(BEND))
     return setting
 
@@ -176,7 +180,7 @@ def _ranked(
 
 
 def _used_reference(references: Sequence[str], used: Sequence[Corners], unused: Mapping[str, str]) -> str:
-    """The first of ``references`` that is used; raises CalibrationError where none is, and where too few views are."""
+    """The first of ``references`` among the ``used`` views; raises CalibrationError for none, or for too few views."""
     names = {view.name for view in used}
     usable = next((name for name in references if name in names), None)
     if usable is None and (reason := unused.get(references[0])):
@@ -185,26 +189,26 @@ def _used_reference(references: Sequence[str], used: Sequence[Corners], unused: 
         raise CalibrationError(f"the reference '{references[0]}' is not among the views: choose another reference")
     if len(used) < FEWEST_BOARDS:
         raise CalibrationError(
-            f"of the boards {len(used)} can be used and the joint refinement needs {FEWEST_BOARDS} or more: "
+            f"{len(used)} of the boards can be used, but the joint refinement needs at least {FEWEST_BOARDS}: "
             "take more photographs"
         )
     return usable
 
 
 def _spacing(seen: Observations) -> float:
-    """Typical distance between neighbouring corners of one board, normalised."""
+    """Median distance between neighbouring corners of one board, normalised."""
     nearest = [cKDTree(seen.image[rows]).query(seen.image[rows], k=2)[0][:, 1] for rows in seen.slices()]
     return float(np.median(np.concatenate(nearest)))
 
 
 def _covered(seen: Observations) -> Floats:
-    """Corners, those farthest from the image's middle left out: they may be wrong."""
+    """Images (n, 2) of all corners but those farthest from the image's middle, which may be wrong."""
     radius = np.linalg.norm(seen.image, axis=1)
-    return np.asarray(seen.image[radius <= np.quantile(radius, COVERED)])
+    return np.asarray(seen.image[radius <= np.quantile(radius, COVERED_QUANTILE)])
 
 
 def _per_px(log_evidence: float, seen: Observations, frame: ImageFrame) -> float:
-    """The log evidence as a density of corners in px."""
+    """``log_evidence``, a density of normalised corners, as a density of corners in px."""
     return log_evidence - seen.image.size * float(np.log(frame.scale))
 
 
@@ -250,7 +254,7 @@ def _result(
 
 
 def _board_noise(corner_set: CornerSet, cleaned: Cleaned, noise_px: float) -> dict[str, float]:
-    """The noise of each used view: its corners have another weight than was given in so far as theirs differs."""
+    """The noise in px of each used view, from how the solve changed the weights of its corners."""
     given = {view.name: float(view.weights[0]) for view in corner_set.found}
     everything = cleaned.everything
     found = dict(zip(everything.names, everything.weight[everything.starts], strict=True))

@@ -1,4 +1,9 @@
-"""The map that the joint solve finds: pixels to ray angles, with the covariance of everything it rests on."""
+"""The map found by the joint solve: pixels to ray angles, with the joint covariance of all its unknowns.
+
+A pixel maps to a ray by inverting the displacement, uv → w, and the trend, w → ray. Its error is the derivative of that
+by all unknowns times a root of their covariance; uncertainties of rays, of virtual points, and of both up to a rotation
+of the camera differ only in that derivative.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +20,7 @@ from pinholify.charts import (
     directions_to_angles,
     directions_to_angles_jacobian,
 )
-from pinholify.geometry import cross_matrices, inverse_2x2
+from pinholify.geometry import POSE_DOF, cross_matrices, inverse_2x2
 from pinholify.refinement.basis import SineBasis
 from pinholify.refinement.observations import ImageFrame
 from pinholify.refinement.trends import Trend
@@ -23,23 +28,22 @@ from pinholify.refinement.trends import Trend
 if TYPE_CHECKING:  # loads SciPy
     from pinholify.gp.maps import Nearby
 
-POSE = 6
-AT_ONCE = 4096  # pixels, of which features are held in memory
+MAX_PIXELS_AT_ONCE = 4096  # whose derivatives are held in memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMap:
-    """q = angles of the trend's ray at w, w + g(w) = uv: a :class:`pinholify.gp.maps.PlaneMap`.
+    """The map q = angles of the trend's ray at w, where w + g(w) = uv: a :class:`pinholify.gp.maps.PlaneMap`.
 
     ``frame`` normalises the image, ``beta`` (P,) are the trend's parameters, ``weights`` (M, 2) those of g in
-    ``basis``. Angles are in the joint solve's own axes; the reference board's pose there is ``rotation`` (3,
-    3) and ``translation`` (3,) of the board's ``middle`` (2,), in squares. ``root`` (D + 6, r) is a root of
-    the joint covariance of the weights of g_u and g_v, β and (where r has it) the reference pose's turn and
-    shift in the solve's axes.
+    ``basis``. Angles are in the joint solve's own axes. The reference board's pose there is ``rotation`` (3, 3) and
+    ``translation`` (3,) of the board's ``middle`` (2,), in squares. ``root`` (D + 6, r) is a root of the joint
+    covariance of the weights of g_u and of g_v, of β, and of the rotation and translation of the reference pose in the
+    solve's axes.
 
-    ``turn_root`` (3, r) turns the camera so that what ``root`` does to the map's rays is as small as a turn can make
-    it. The covariance is of rays in the reference board's frame: it counts that this frame is only known as well
-    as that board's pose. ``disagreement`` is the factor by which the roots are larger than the noise alone makes them.
+    The covariance is that of rays in the reference board's frame, so it includes the uncertainty of that board's pose.
+    ``turn_root`` (3, r) are rotations of the camera that, added to the errors of ``root``, make the rays' errors as
+    small as rotations can. ``disagreement`` is the factor by which both roots exceed those due to noise alone.
     """
 
     frame: ImageFrame
@@ -55,7 +59,7 @@ class JointMap:
     disagreement: float = 1.0
 
     def __post_init__(self) -> None:
-        unknowns = 2 * len(self.basis) + len(self.beta) + POSE
+        unknowns = 2 * len(self.basis) + len(self.beta) + POSE_DOF
         shapes: dict[str, tuple[int | None, ...]] = {
             "beta": (None,),
             "weights": (len(self.basis), 2),
@@ -71,42 +75,42 @@ class JointMap:
     # --- a PlaneMap ---
 
     def value(self, uv: Floats) -> Floats:
-        """q (n, 2) in radians."""
+        """Ray angles q (n, 2) in radians at pixels ``uv`` (n, 2)."""
         return self._angles(self._undisplaced(uv))
 
     def jacobian(self, uv: Floats) -> Floats:
-        """∂q/∂uv (n, 2, 2), radians per px."""
+        """∂q/∂uv (n, 2, 2), radians per px, at pixels ``uv`` (n, 2)."""
         w = self._undisplaced(uv)
         by_image, _ = self._slopes(w)
         return by_image * (self.frame.signs / self.frame.scale)
 
     def covariance(self, uv: Floats) -> Floats:
-        """Covariance of q (n, 2, 2), radians²."""
+        """Covariance of q (n, 2, 2), radians², at pixels ``uv`` (n, 2)."""
         return self._covariances(uv, self._slopes_of_angles, self.root)
 
     def covariance_up_to_turn(self, uv: Floats) -> Floats:
-        """Covariance of q (n, 2, 2) once each error of the map is turned back as well as it goes, over all corners."""
-        turned = np.concatenate([self.root[:-POSE], self.turn_root, np.zeros_like(self.turn_root)])
+        """Covariance of q (n, 2, 2), radians², without what the best rotation of the camera absorbs."""
+        turned = np.concatenate([self.root[:-POSE_DOF], self.turn_root, np.zeros_like(self.turn_root)])
         return self._covariances(uv, self._slopes_of_angles, turned)
 
     def with_turn_fitted(self, uv: Floats) -> JointMap:
         """The same map with :attr:`turn_root` fitted to its errors at pixels ``uv`` (n, 2)."""
         features = self.features(uv)
-        features = features[np.isfinite(features).all(axis=(1, 2))]  # a trend may end short of a corner
-        turns = features[:, :, -POSE:-3].reshape(-1, 3)
-        back = np.linalg.pinv(turns) @ features[:, :, :-POSE].reshape(len(turns), -1)
-        return replace(self, turn_root=-back @ self.root[:-POSE])
+        features = features[np.isfinite(features).all(axis=(1, 2))]  # the trend may have no ray at a corner
+        turns = features[:, :, -POSE_DOF:-3].reshape(-1, 3)
+        back = np.linalg.pinv(turns) @ features[:, :, :-POSE_DOF].reshape(len(turns), -1)
+        return replace(self, turn_root=-back @ self.root[:-POSE_DOF])
 
     def with_disagreement(self, factor: float) -> JointMap:
-        """The same map where the boards disagree ``factor`` times as much as their noise explains."""
+        """The same map with errors ``factor`` times as large, for boards that disagree more than noise explains."""
         return replace(self, root=factor * self.root, turn_root=factor * self.turn_root, disagreement=factor)
 
     def virtual_covariance(self, uv: Floats) -> Floats:
-        """Covariance (n, 2, 2) of virtual points, squares²: what the reference board's pose and K share cancels."""
+        """Covariance (n, 2, 2) of virtual points, squares²: errors that the reference pose and K share cancel."""
         return self._covariances(uv, self._slopes_of_virtual, self.root)
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
-        """uv (n, 2) of ``q``, on the trend's own branch; nan where it has none."""
+        """Pixels uv (n, 2) of angles ``q`` (n, 2), on the trend's own branch; nan where it has none."""
         chart = self.trend.chart
         with np.errstate(invalid="ignore"):
             c = chart.coordinates(angles_to_directions(q))
@@ -115,50 +119,46 @@ class JointMap:
         return self.frame.restore(w + self.basis.combined(self.weights, w))
 
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
-        """Shifts of q (draws, n, 2), to first order: draws of the posterior, where little is left of the
-        prior.
-        """
+        """Changes of q (draws, n, 2) for new noise, to first order: draws of the posterior, which noise dominates."""
         moved = self.features(uv) @ (self.root @ rng.standard_normal((self.root.shape[1], draws)))
         return np.moveaxis(moved, 2, 0)
 
     # --- beyond it ---
 
     def features(self, uv: Floats) -> Floats:
-        """∂q/∂unknowns of :attr:`root` at fixed ``uv`` (n, 2), q in the reference board's frame: (n, 2, D +
-        6).
-        """
+        """∂q/∂(unknowns of :attr:`root`) (n, 2, D + 6) at fixed ``uv`` (n, 2), q in the reference board's frame."""
         w = self._undisplaced(uv)
         return self._spread_out(w, *self._slopes_of_angles(w))
 
     def intrinsics_features(self) -> Floats:
-        """∂(f, uc, vc)/∂unknowns of :attr:`root`, (3, D + 6)."""
+        """∂(f, uc, vc)/∂(unknowns of :attr:`root`) (3, D + 6), in squares."""
         centre = self.rotation.T @ np.column_stack([cross_matrices(self.translation[None])[0], np.eye(3)])
         features = np.zeros((3, len(self.root)))
-        features[:, -POSE:] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]) @ centre
+        features[:, -POSE_DOF:] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]) @ centre
         return features
 
     def virtual_features(self, uv: Floats) -> Floats:
-        """∂(virtual point)/∂unknowns of :attr:`root` at fixed ``uv``, (n, 2, D + 6), squares.
+        """∂(virtual point)/∂(unknowns of :attr:`root`) (n, 2, D + 6) at fixed ``uv`` (n, 2), in squares.
 
-        Unlike a ray's, a virtual point's error leaves out what the reference board's pose and K share.
+        Unlike that of a ray, the error of a virtual point is without what the reference board's pose and K share.
         """
         w = self._undisplaced(uv)
         return self._spread_out(w, *self._slopes_of_virtual(w))
 
     def _spread_out(self, w: Floats, by_displacement: Floats, by_rest: Floats) -> Floats:
-        """Derivatives (n, 2, D + 6) by all unknowns, of those by g(w) (n, 2, 2) and by all but its weights."""
+        """Derivatives (n, 2, D + 6) by all unknowns, from those by g(w) (n, 2, 2) and by all unknowns but weights."""
         displaced = by_displacement[:, :, :, None] * self.basis.values(w)[:, None, None, :]
         return np.concatenate([displaced.reshape(len(w), 2, -1), by_rest], axis=2)
 
     def _slopes_of_angles(self, w: Floats) -> tuple[Floats, Floats]:
-        """∂q/∂g (n, 2, 2) at fixed uv, and ∂q/∂(β, turn, shift) (n, 2, P + 6), at w."""
+        """∂q/∂g (n, 2, 2) and ∂q/∂(β, rotation, translation) (n, 2, P + 6) at fixed uv, at ``w`` (n, 2)."""
         by_image, by_beta = self._slopes(w)
         directions = angles_to_directions(self._angles(w))
         by_turn = directions_to_angles_jacobian(directions) @ cross_matrices(directions)
         return -by_image, np.concatenate([by_beta, by_turn, np.zeros((len(w), 2, 3))], axis=2)
 
     def _slopes_of_virtual(self, w: Floats) -> tuple[Floats, Floats]:
-        """The same of virtual points."""
+        """The same derivatives of virtual points, in squares."""
         q = self._angles(w)
         directions = angles_to_directions(q) @ self.rotation
         f = (self.rotation.T @ self.translation)[2]
@@ -175,8 +175,9 @@ class JointMap:
         return by_angles @ by_displacement, by_rest
 
     def _covariances(self, uv: Floats, slopes: Callable[[Floats], tuple[Floats, Floats]], root: Floats) -> Floats:
-        """Covariances (n, 2, 2) at pixels ``uv`` of what has the ``slopes`` by g(w) and the unknowns beside it, where
-        ``root`` is one of the unknowns' covariance.
+        """Covariances (n, 2, 2) at pixels ``uv`` (n, 2) of a function of the unknowns, given its derivatives.
+
+        ``slopes`` are those by g(w) and by the unknowns that are not weights; ``root`` is that of their covariance.
         """
         m, unknowns = len(self.basis), root @ root.T
         u, v = slice(m), slice(m, 2 * m)
@@ -191,8 +192,9 @@ class JointMap:
     def _propagated(
         self, w: Floats, by_displacement: Floats, by_rest: Floats, unknowns: Floats, series: Floats
     ) -> Floats:
-        """Covariances (n, 2, 2), at w, of what has these slopes, from that of the ``unknowns``; ``series`` has the sums
-        of its blocks of weights.
+        """Covariances (n, 2, 2) at ``w`` (n, 2) from the covariance of the ``unknowns`` and the derivatives.
+
+        ``series`` are the cosine series of the blocks of the weights' covariance.
         """
         m = len(self.basis)
         rest = unknowns[2 * m :, 2 * m :]
@@ -213,7 +215,7 @@ class JointMap:
         return directions_to_angles(chart.directions(self.trend.ray(self.beta, w)))
 
     def _slopes(self, w: Floats) -> tuple[Floats, Floats]:
-        """∂q/∂x (n, 2, 2) and ∂q/∂β at fixed x (n, 2, P), at w."""
+        """∂q/∂x (n, 2, 2) and ∂q/∂β (n, 2, P) at fixed x, at ``w`` (n, 2)."""
         chart, c = self.trend.chart, self.trend.ray(self.beta, w)
         by_ray, by_beta = self.trend.jacobians(self.beta, w, c)  # of w
         by_c = directions_to_angles_jacobian(chart.directions(c)) @ chart.direction_jacobian(c)
@@ -223,5 +225,5 @@ class JointMap:
 
 
 def _in_parts(function: Callable[[Floats], Floats], uv: Floats) -> Floats:
-    """``function`` of pixels (n, 2), of so many at a time as memory holds the features of."""
-    return np.concatenate([function(some) for some in np.array_split(uv, len(uv) // AT_ONCE + 1)])
+    """``function`` of pixels ``uv`` (n, 2), computed in parts to limit memory."""
+    return np.concatenate([function(some) for some in np.array_split(uv, len(uv) // MAX_PIXELS_AT_ONCE + 1)])

@@ -1,8 +1,8 @@
-"""The joint model: a corner is seen at x = w + g(w) + noise, w = trend of the ray through R X + t.
+"""The joint model: a corner is seen at x = w + g(w) + noise, where w is the trend's image of the ray through R X + t.
 
-The noise stands where it is, in the image, so the residual x − w − g(w) is in px (normalised) without any
-whitening, and no map can lower it by stretching. All unknowns but the poses are global: θ = (weights of g_u,
-weights of g_v, β, η).
+The noise is where it arises, in the image, so the residual x − w − g(w) is in normalised image units without any
+whitening, and no map can lower it by shrinking. All unknowns but the poses are global: θ (D,) = (weights of g_u,
+weights of g_v, β of the trend, η of the board's shape).
 """
 
 from __future__ import annotations
@@ -12,22 +12,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
-from pinholify.geometry import rotations_of
+from pinholify.geometry import POSE_DOF, rotations_of
 from pinholify.refinement.basis import SineBasis
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.shape import BoardShape
 from pinholify.refinement.trends import Trend
 
-POSE = 6
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """A point in the space of unknowns.
+    """Values of all unknowns.
 
-    ``weights`` (M, 2) of the process, ``beta`` (P,) of the trend, ``eta`` of the board's shape, and for each
-    board ``rotations`` (K, 3, 3) and ``translations`` (K, 3) of its middle, in squares, and its ``motions`` (K, 3), the
-    turn about the camera's centre, as a rotation vector, from one row to another that lies a unit below.
+    ``weights`` (M, 2) are those of the process, ``beta`` (P,) the parameters of the trend, ``eta`` (S,) those of the
+    board's shape. Each board has ``rotations`` (K, 3, 3) and, for its middle, ``translations`` (K, 3) in squares;
+    ``motions`` (K, 3) are the rotation vectors by which it turns about the camera's centre while the shutter moves down
+    by one normalised unit.
     """
 
     weights: Floats
@@ -39,16 +38,19 @@ class State:
 
     @classmethod
     def still(cls, beta: Floats, eta: Floats, rotations: Floats, translations: Floats) -> State:
-        """A state without process, whose boards do not move."""
+        """A state without process, with boards that do not move."""
         return cls(np.zeros((0, 2)), beta, eta, rotations, translations, np.zeros_like(translations))
 
     @property
     def globals(self) -> Floats:
-        """θ (D,)."""
+        """The global unknowns θ (D,)."""
         return np.concatenate([self.weights.T.ravel(), self.beta, self.eta])
 
     def moved(self, step: Floats, pose_steps: Floats) -> State:
-        """θ + ``step`` (D,), each pose turned and shifted by ``pose_steps`` (K, 6 or 9), the last 3 its motion's."""
+        """The state at θ + ``step`` (D,), with poses rotated and shifted by ``pose_steps`` (K, 6 or 9).
+
+        The last 3 of 9 are steps of the motions.
+        """
         m, p = self.weights.size, len(self.beta)
         return State(
             self.weights + step[:m].reshape(2, -1).T,
@@ -56,11 +58,11 @@ class State:
             self.eta + step[m + p :],
             rotations_of(pose_steps[:, :3]) @ self.rotations,
             self.translations + pose_steps[:, 3:6],
-            self.motions + pose_steps[:, 6:] if pose_steps.shape[1] > POSE else self.motions,
+            self.motions + pose_steps[:, 6:] if pose_steps.shape[1] > POSE_DOF else self.motions,
         )
 
     def of_boards(self, keep: Bools) -> State:
-        """The same camera with the boards where ``keep`` (K,) is true."""
+        """The same camera with only the boards where ``keep`` (K,) is True."""
         return replace(
             self,
             rotations=self.rotations[keep],
@@ -71,9 +73,11 @@ class State:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """What a state says: ``turned`` (N, 3) board points in the camera's axes, ``camera`` (N, 3) the same from
-    the optical centre, ``chart`` (N, 2), ``undisplaced`` w (N, 2), ``slope`` (N, 2, 2) = ∂(w + g)/∂w,
-    ``image`` w + g (N, 2), ``residual`` (N, 2). Corners that the trend cannot see are nan.
+    """The images of all corners at a state, with the intermediate results; nan for corners that the trend does not see.
+
+    ``turned`` (N, 3) are the board's points rotated into the camera's axes, ``camera`` (N, 3) the same from the optical
+    centre, ``chart`` (N, 2) the coordinates c of their rays, ``undisplaced`` (N, 2) the w, ``slope`` (N, 2, 2) =
+    ∂(w + g)/∂w, ``image`` (N, 2) = w + g(w), and ``residual`` (N, 2) observed minus predicted.
     """
 
     turned: Floats
@@ -92,11 +96,12 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation:
-    """∂ prediction: φ (N, M) of ``functions`` at ``undisplaced`` (N, 2) as ``basis`` for each output's own weights,
-    ``shared`` (N, 2, P) by (β, η), ``pose`` (N, 2, 6 or 9) by each board's pose and, where boards move, its motion.
+    """Derivatives of the predicted images.
 
-    The prior of pose and motion has the precision ``stiffness`` (6 or 9,) in units of the noise's; ``moved`` (K, 6 or
-    9) is how far they are from its mean.
+    ``basis`` (N, M) are the values of ``functions`` at ``undisplaced`` (N, 2), which are the derivatives by the weights
+    of each output. ``shared`` (N, 2, P + S) are those by (β, η), ``pose`` (N, 2, 6 or 9) those by each board's pose
+    and, where boards move, its motion. The prior of pose and motion has the precision ``stiffness`` (6 or 9,) in units
+    of the noise's; ``moved`` (K, 6 or 9) is how far they are from its mean.
     """
 
     functions: SineBasis
@@ -110,8 +115,9 @@ class Linearisation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """The trend, the functions of the process, the board's shape, and how much boards move while the shutter rolls:
-    ``motion`` is the standard deviation of motions in units of the noise, 0 where they stand still.
+    """The ``trend``, the functions ``basis`` of the process, the board's ``shape``, and its ``motion``.
+
+    ``motion`` is the prior standard deviation of the boards' motions in units of the noise, 0 where they stand still.
     """
 
     trend: Trend
@@ -120,11 +126,11 @@ class Model:
     motion: float = 0.0
 
     def trend_precision(self) -> Floats:
-        """Prior precision of (β, η)."""
+        """Prior precision (P + S,) of (β, η)."""
         return np.asarray(np.concatenate([self.trend.prior_std, self.shape.prior_std]) ** -2.0)
 
     def predict(self, state: State, seen: Observations) -> Prediction:
-        """Where ``state`` sees each corner."""
+        """The images of the corners ``seen`` at ``state``."""
         points = self.shape.seen_points(state.eta, seen)
         turned = np.concatenate([points[k] @ r.T for k, r in zip(seen.slices(), state.rotations, strict=True)])
         camera = turned + state.translations[seen.view]
@@ -138,13 +144,13 @@ class Model:
         return Prediction(turned, camera, chart, w, np.eye(2) + gradient, w + g, seen.image - w - g)
 
     def linearise(self, state: State, seen: Observations, at: Prediction) -> Linearisation:
-        """The derivatives of the prediction ``at`` ``state``."""
+        """The derivatives at ``state``, of which ``at`` is the prediction."""
         by_camera, by_beta = self._derivatives(state, at)
         by_still = self._by_still(by_camera, state, seen)
         by_eta = self.shape.slopes(by_still @ state.rotations[seen.view], seen)
         shared = np.concatenate([by_beta, by_eta], axis=2)
         pose = [np.cross(at.turned[:, None, :], by_still), by_still]
-        stiffness, moved = np.zeros(POSE), np.zeros((seen.boards, POSE))
+        stiffness, moved = np.zeros(POSE_DOF), np.zeros((seen.boards, POSE_DOF))
         if self.motion:
             still = at.turned + state.translations[seen.view]
             pose.append(seen.row[:, None, None] * np.cross(still[:, None, :], by_camera))
@@ -155,18 +161,18 @@ class Model:
         )
 
     def by_point(self, state: State, seen: Observations, at: Prediction) -> Floats:
-        """∂ prediction/∂(points of the board, in its own axes): (N, 2, 3)."""
+        """∂image/∂(point of the board, in the board's axes): (N, 2, 3)."""
         by_camera, _ = self._derivatives(state, at)
         return np.asarray(self._by_still(by_camera, state, seen) @ state.rotations[seen.view])
 
     def _by_still(self, by_camera: Floats, state: State, seen: Observations) -> Floats:
-        """By where a point is in the camera's axes before its board's motion: (N, 2, 3)."""
+        """Derivatives (N, 2, 3) by a point in the camera's axes before its motion, from those after it."""
         if not self.motion:
             return by_camera
         return by_camera + seen.row[:, None, None] * np.cross(by_camera, state.motions[seen.view][:, None, :])
 
     def _derivatives(self, state: State, at: Prediction) -> tuple[Floats, Floats]:
-        """By points in the camera's axes (N, 2, 3), and by β (N, 2, P)."""
+        """Derivatives of the images by points in the camera's axes (N, 2, 3), and by β (N, 2, P)."""
         by_ray, by_beta = self.trend.jacobians(state.beta, at.undisplaced, at.chart)
         if len(self.basis):
             by_ray, by_beta = at.slope @ by_ray, at.slope @ by_beta

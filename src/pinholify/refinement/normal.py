@@ -1,4 +1,8 @@
-"""Normal equations of the joint solve with the poses eliminated: an arrow, and its Schur complement."""
+"""Normal equations of the joint solve with the poses eliminated: a matrix of arrow shape, and its Schur complement.
+
+Every board's pose enters only that board's residuals, so the poses are eliminated one by one, and what is left is a
+system of the globals θ alone, however many boards there are.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +17,13 @@ from pinholify.refinement.observations import Observations
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NormalEquations:
-    """Least squares at unit noise over the globals θ, the poses at their optimum for each θ.
+    """Least squares at unit noise over the globals θ, with the poses at their optimum for each θ.
 
-    ``matrix`` (D, D) S and ``right`` (D,) of S δθ = right; ``misfit`` the sum of squares that poses alone
-    leave; ``log_det_poses`` Σ log|C_k|; ``inverse_roots`` (K, 6, 6) L⁻¹ of C_k = L Lᵀ; ``cross`` (K, 6, D)
-    L⁻¹ E_k with E_k the block of pose and globals; ``pose_right`` (K, 6) L⁻¹ of the poses' right-hand sides;
-    ``rows`` the number of residuals. Where boards move, 6 is 9: a motion and its prior are a part of the pose, which
-    then takes that prior's determinant along.
+    The system is S δθ = s with ``matrix`` S (D, D) and ``right`` s (D,). ``misfit`` is the sum of squares after a step
+    of the poses alone, ``rows`` the number of residuals. For the block C_k = L Lᵀ of each board's pose and the block
+    E_k of pose and globals, ``log_det_poses`` is Σ log|C_k|, ``inverse_roots`` (K, 6, 6) are L⁻¹, ``cross`` (K, 6, D)
+    L⁻¹ E_k, and ``pose_right`` (K, 6) L⁻¹ times the poses' right-hand sides. Where boards move, 6 becomes 9: the
+    motion, with its prior, is a part of the pose, and ``log_det_poses`` includes that prior's determinant.
     """
 
     matrix: Floats
@@ -32,7 +36,7 @@ class NormalEquations:
     rows: int
 
     def pose_steps(self, step: Floats) -> Floats:
-        """The poses' best steps (K, 6) beside ``step`` (D,) of the globals."""
+        """The best steps (K, 6) of the poses together with ``step`` (D,) of the globals."""
         remainder = self.pose_right - self.cross @ step
         return np.asarray(np.einsum("kji,kj->ki", self.inverse_roots, remainder))
 
@@ -40,10 +44,9 @@ class NormalEquations:
 def eliminate(
     linear: Linearisation, residual: Floats, weight: Floats, seen: Observations, damping: float = 0.0
 ) -> NormalEquations:
-    """The equations for ``residual`` (N, 2) with ``weight`` (N,) of each corner's square.
+    """The equations for ``residual`` (N, 2), with the ``weight`` (N,) of each corner's squared residual.
 
-    ``damping`` adds that part of its diagonal to each pose's block and to the shared parameters' (Levenberg-
-    Marquardt).
+    ``damping`` (Levenberg-Marquardt) adds that share of its diagonal to the block of each pose and to that of β and η.
     """
     root = np.sqrt(weight)[:, None]
     basis = linear.basis if (weight == 1.0).all() else linear.basis * root
@@ -75,8 +78,9 @@ def eliminate(
 
 
 def _global_blocks(gram: Floats, basis: Floats, dense: Floats, damping: float) -> tuple[Floats, Floats]:
-    """The globals' matrix and right-hand side; ``gram`` is that of ``basis``, ``dense`` (N, 2, P + 1) are the shared
-    derivatives and the residual.
+    """The globals' matrix (D, D) and right-hand side (D,), before the poses are eliminated.
+
+    ``gram`` (M, M) is that of ``basis`` (N, M); ``dense`` (N, 2, P + 1) holds the shared derivatives and the residual.
     """
     m, p = basis.shape[1], dense.shape[2] - 1
     matrix, right = np.zeros((2 * m + p, 2 * m + p)), np.empty(2 * m + p)
@@ -93,8 +97,9 @@ def _global_blocks(gram: Floats, basis: Floats, dense: Floats, damping: float) -
 
 
 def _board_products(basis: Floats, dense: Floats, seen: Observations, pose: int) -> Floats:
-    """The derivatives by the ``pose`` numbers of each board times all others, the residual and themselves,
-    (K, pose, D + 1 + pose).
+    """Products (K, pose, D + 1 + pose) of the derivatives by the ``pose`` unknowns of each board with all others.
+
+    The others are the derivatives by the globals, the residual, and the derivatives by the pose itself.
     """
     m, others = basis.shape[1], dense.shape[2] - pose
     products = np.empty((seen.boards, pose, 2 * m + others + pose))

@@ -1,4 +1,4 @@
-"""What the joint solve is given: all corners of all boards in flat arrays, sorted by board."""
+"""The data of the joint solve: all corners of all boards in flat arrays, sorted by board, and the image coordinates."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import Board, outline
 from pinholify.corners import Corners
 
-ENOUGH = 1200  # corners to lead a solve near its end
-FEWEST = 16  # of a board, where it has as many
-MANY_BOARDS = 5  # from which on what boards share can be told from what each does of its own
+THINNED_CORNERS = 1200  # enough to bring a solve close to its end
+THINNED_CORNERS_PER_BOARD = 16  # at least, of a board that has as many
+MANY_BOARDS = 5  # as many are needed to separate errors that all boards share from those of each
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageFrame:
-    """Normalised image coordinates: x = (uv − ``centre``)/``scale``, u reversed where the image is a
-    reflection.
+    """Normalised image coordinates: x = (uv − ``centre``)/``scale``, with u reversed if the image is ``mirrored``.
 
-    ``half_size`` (2,) is the image's half width and height in these units; its corners lie on the unit
-    circle.
+    ``scale`` is half the image's diagonal in px, so that its corners lie on the unit circle. ``half_size`` (2,) is half
+    its width and height in these units.
     """
 
     centre: Floats
@@ -32,15 +31,15 @@ class ImageFrame:
 
     @property
     def signs(self) -> Floats:
-        """(2,): −1 for an axis that is reversed."""
+        """The signs (2,) of the axes: −1 for one that is reversed."""
         return np.array([-1.0 if self.mirrored else 1.0, 1.0])
 
     def normalise(self, uv: Floats) -> Floats:
-        """px to normalised coordinates, (n, 2)."""
+        """Normalised coordinates (n, 2) of pixels ``uv`` (n, 2)."""
         return (uv - self.centre) / self.scale * self.signs
 
     def restore(self, x: Floats) -> Floats:
-        """Normalised coordinates to px, (n, 2)."""
+        """Pixels (n, 2) of normalised coordinates ``x`` (n, 2)."""
         return x * self.signs * self.scale + self.centre
 
 
@@ -55,11 +54,11 @@ def image_frame(image_size: tuple[int, int], mirrored: bool) -> ImageFrame:
 class Observations:
     """N corners of K boards, sorted by board.
 
-    ``image`` (N, 2) normalised image coordinates, ``lattice`` (N, 2) squares from the board's middle, ``corner`` (N,)
-    the corner's id, ``placed`` (N,) whether the view tells which of all corners it is, and not only which beside the
-    others of the view; ``row`` (N,) is how far below the board's middle it lies in the image, and so how much later it
-    was read where the shutter rolls; ``weight`` (N,) multiplies a residual, ``view`` (N,) is the board's index,
-    ``starts`` (K,) its first corner, ``names`` (K,).
+    ``image`` (N, 2) are normalised image coordinates, ``lattice`` (N, 2) squares from the board's middle, ``corner``
+    (N,) the corners' ids. ``placed`` (N,) is False where a view shows a part of the board of unknown offset, so that
+    ids are relative. ``row`` (N,) is how far below the board's middle a corner lies in the image (normalised), and so
+    how much later a rolling shutter reads it. ``weight`` (N,) multiplies a residual. ``view`` (N,) is the board's
+    index, ``starts`` (K,) its first corner, ``names`` (K,) are the names of the views.
     """
 
     image: Floats
@@ -74,7 +73,7 @@ class Observations:
 
     @property
     def boards(self) -> int:
-        """K."""
+        """The number of boards K."""
         return len(self.names)
 
     def sums(self, values: Floats) -> Floats:
@@ -82,12 +81,12 @@ class Observations:
         return np.asarray(np.add.reduceat(values, self.starts, axis=0))
 
     def slices(self) -> list[slice]:
-        """Where each board's corners are."""
+        """The corners of each board, as K slices."""
         ends = np.append(self.starts[1:], len(self.view))
         return [slice(int(a), int(b)) for a, b in zip(self.starts, ends, strict=True)]
 
     def select(self, keep: Bools) -> Observations:
-        """The corners where ``keep`` (N,) is true; boards left without any vanish."""
+        """The corners where ``keep`` (N,) is True; boards without any of them are left out."""
         kept, starts, view = np.unique(self.view[keep], return_index=True, return_inverse=True)
         names = tuple(self.names[k] for k in kept)
         return replace(
@@ -104,14 +103,15 @@ class Observations:
         )
 
     def weighted(self, factors: Floats) -> Observations:
-        """The same with the weights of each board multiplied by its own of the ``factors`` (K,)."""
+        """The same corners with the weights of each board multiplied by its entry of ``factors`` (K,)."""
         return replace(self, weight=self.weight * factors[self.view])
 
     def thinned(self) -> Observations:
-        """Some corners of all boards: they tell in a fraction of the time where all of them will lead."""
-        share = min(1.0, ENOUGH / len(self.view))
+        """A random part of each board's corners, about :data:`THINNED_CORNERS` in total: a faster, rougher solve."""
+        share = min(1.0, THINNED_CORNERS / len(self.view))
         rng = np.random.default_rng(0)
-        drawn = [rng.permutation(k.stop - k.start) < max(FEWEST, share * (k.stop - k.start)) for k in self.slices()]
+        sizes = [rows.stop - rows.start for rows in self.slices()]
+        drawn = [rng.permutation(size) < max(THINNED_CORNERS_PER_BOARD, share * size) for size in sizes]
         return self.select(np.concatenate(drawn))
 
 
@@ -122,7 +122,7 @@ def lattice_middle(board: Board) -> Floats:
 
 
 def observations(views: Sequence[Corners], board: Board, frame: ImageFrame) -> Observations:
-    """All corners of ``views``, each of which has at least one."""
+    """All corners of ``views``, which have at least one each, on ``board``, in the coordinates of ``frame``."""
     sizes = np.array([len(view) for view in views])
     image = [frame.normalise(view.uv) for view in views]
     return Observations(

@@ -1,4 +1,4 @@
-"""What the joint refinement hands over."""
+"""The result of the joint refinement, in the reference board's frame, in px and in squares."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from pinholify.arrays import Bools, Floats
 from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import AngleChart, Intrinsics
 from pinholify.corners import Corners
-from pinholify.geometry import Pose, convex_hull
-from pinholify.refinement.maps import POSE, JointMap
+from pinholify.geometry import POSE_DOF, Pose, convex_hull
+from pinholify.refinement.maps import JointMap
 from pinholify.refinement.observations import ImageFrame, Observations
-from pinholify.refinement.outliers import LIMIT
+from pinholify.refinement.outliers import OUTLIER_LIMIT
 from pinholify.refinement.settle import Settled
 from pinholify.refinement.shape import BEND, STRETCH, WARP
 from pinholify.refinement.solver import lengths
 
-ENOUGH_TO_TURN = 1000  # corners to fit three angles to
-DOMAIN_STD = 5.0  # standard deviations of a corner (as boards disagree by), beyond which the map is not believed
+TURN_CORNERS = 1000  # at least, over which the rotations of ``turn_root`` are fitted
+DOMAIN_STD = 5.0  # a map's std, in those of a corner times the disagreement, beyond which it is not valid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
     """How the board differs from a flat lattice of squares.
 
-    ``bow`` is the largest height difference over the board in squares, None where the data prefer a flat
-    board; ``stretch`` is how much longer a square is along y than along x, a fraction, and ``shear`` how far its
-    columns lean towards x for each square along y; ``warp`` is the rms of what else shifts its corners in its plane, in
-    squares; each None where the data prefer a board without. ``points`` (corners of the board, 3) in squares by id,
-    from the board's middle, away from the camera positive.
+    ``bow`` is the largest height difference over the board, in squares. ``stretch`` is how much longer a square is
+    along y than along x, as a fraction, and ``shear`` how far columns lean towards x per square along y. ``warp`` is
+    the RMS of other shifts of the corners in the board's plane, in squares. Each is None where the data prefer a board
+    without it. ``points`` (corners of the board, 3) are its points by id, in squares from its middle, with z positive
+    away from the camera.
     """
 
     bow: float | None
@@ -46,19 +46,20 @@ class Shape:
 class JointResult:
     """A camera found from all boards together.
 
-    ``intrinsics_covariance`` (3, 3) is that of (f, uc, vc) in squares. ``poses`` are ``camera_from_board`` by view
-    name, in squares, in the camera's frame, which the board of the view ``reference`` fixes. ``residuals`` (n, 2) px
-    and ``inliers`` (n,) stand beside the corners of each view that was used; a residual is nan where the camera sees
-    nothing. ``dropped`` says which views were not used, and why; ``dropped_corners`` how many corners of a used view
-    were.
-    ``candidates`` are the trends tried (``+gp`` with the process) with their log evidence per squared px;
-    ``kernel_px`` is (σ_f, length scales) in px, empty where the evidence switched the process off. ``start_fits``:
-    whether the camera that was given as a start explains the corners; None where none was given. ``disagreement``: how
-    many times larger the boards' disagreement, and so every standard deviation, is than the noise makes it.
-    ``board_noise_px`` is each used view's own noise, ``noise_px`` unless views differ by more than chance;
-    ``motion_px`` is by how much boards moved while the shutter rolled, beyond what a pose makes good: rms an axis;
-    ``too_few`` says that boards differ by more than noise in what so few of them do not tell apart: motions, a print
-    that is no square lattice.
+    ``intrinsics_covariance`` (3, 3) is that of (f, uc, vc) in squares². ``poses`` are ``camera_from_board`` by view
+    name, in squares; the board of the view ``reference`` fixes the camera's frame. ``residuals`` (n, 2) px and
+    ``inliers`` (n,) belong to the corners of each used view; a residual is nan where the camera has no ray.
+    ``dropped`` are the views that were not used, with the reason, and ``dropped_corners`` the numbers of corners
+    dropped from used views. ``candidates`` are the trends compared (``+gp`` with the process) with their log evidence
+    as a density per squared px. ``noise_px`` is the standard deviation of a corner of weight one per axis;
+    ``kernel_px`` is (σ_f, length scales) in px, empty where the evidence switched the process off.
+
+    ``board_noise_px`` is each used view's own noise, equal to ``noise_px`` unless views differ by more than chance.
+    ``start_fits`` tells whether the camera given as a start explains the corners, None where none was given.
+    ``disagreement`` is the ratio of the boards' disagreement to what noise explains; every standard deviation includes
+    it. ``motion_px`` is the RMS per axis of the boards' motions while the shutter rolled, beyond what poses absorb.
+    ``too_few`` is True where boards differ by more than noise and are too few to show why: motions, or a print that is
+    not a square lattice.
     """
 
     camera: VirtualCamera
@@ -82,29 +83,29 @@ class JointResult:
     too_few: bool = False
 
     def inliers_of(self, view: Corners, solved: Corners, points: Floats) -> Bools:
-        """Which corners (n,) of ``view`` agree with the camera, where ``solved`` stood for it in the solve.
+        """Mask (n,) of the corners of ``view`` that agree with the camera.
 
-        Corners that were condensed into others are judged by the limit that held for those; ``points`` (corners, 3) are
-        the board's by id.
+        ``solved`` represented the view in the solve. Corners that were condensed into others are judged by the same
+        limit; ``points`` (corners, 3) are the board's by id, in squares.
         """
         if solved is view:
             return self.inliers[view.name]
         projected = self.camera.project(self.poses[view.name].apply(points[view.ids]))
-        return lengths(projected - view.uv, view.weights) <= LIMIT * self.board_noise_px[view.name]
+        return lengths(projected - view.uv, view.weights) <= OUTLIER_LIMIT * self.board_noise_px[view.name]
 
     @property
     def intrinsics_std(self) -> Floats:
-        """Standard deviations of (f, uc, vc), squares, (3,)."""
+        """Standard deviations (3,) of (f, uc, vc), in squares."""
         return np.sqrt(np.diag(self.intrinsics_covariance))
 
     @property
     def dropped_corners(self) -> dict[str, int]:
-        """How many corners of each used view were found wrong, where any was."""
+        """The number of wrong corners of each used view that has any."""
         return {name: int((~mask).sum()) for name, mask in self.inliers.items() if not mask.all()}
 
 
 def joint_map(settled: Settled, seen: Observations, frame: ImageFrame, reference: int, middle: Floats) -> JointMap:
-    """The map of the finished solve, with the covariance of all it rests on."""
+    """The map of the finished solve, with its covariance, and the board with index ``reference`` as its frame."""
     state, root = settled.solution.state, covariance_root(settled, reference)
     joint = JointMap(
         frame,
@@ -118,14 +119,12 @@ def joint_map(settled: Settled, seen: Observations, frame: ImageFrame, reference
         root,
         np.zeros((3, root.shape[1])),
     )
-    every = max(1, len(seen.image) // ENOUGH_TO_TURN)
+    every = max(1, len(seen.image) // TURN_CORNERS)
     return joint.with_turn_fitted(frame.restore(seen.image[::every]))
 
 
 def covariance_root(settled: Settled, board: int) -> Floats:
-    """A root (D' + 6, r) of the posterior covariance of weights, β and the pose of ``board``; η is summed
-    over.
-    """
+    """A root (D' + 6, r) of the posterior covariance of weights, β and the pose of ``board``; η is marginalised."""
     noise, precision, equations = settled.hyperparameters.noise, settled.precision, settled.equations
     scale = precision**-0.5
     whitened = equations.matrix * (scale[:, None] * scale / noise**2)
@@ -134,7 +133,7 @@ def covariance_root(settled: Settled, board: int) -> Floats:
         scale[:, None]
         * solve_triangular(np.linalg.cholesky(whitened), np.eye(len(scale)), lower=True, check_finite=False).T
     )
-    back = equations.inverse_roots[board].T[:POSE]
+    back = equations.inverse_roots[board].T[:POSE_DOF]
     pose = np.concatenate([-back @ (equations.cross[board] @ globals_root), noise * back], axis=1)
     kept = len(scale) - len(settled.model.shape.prior_std)
     widened = np.concatenate([globals_root[:kept], np.zeros((kept, back.shape[1]))], axis=1)
@@ -142,7 +141,7 @@ def covariance_root(settled: Settled, board: int) -> Floats:
 
 
 def intrinsics_of(plane_map: JointMap) -> Intrinsics:
-    """K of the camera whose plane is the reference board's (f = its distance)."""
+    """K of the camera whose virtual plane is that of the reference board; f is the distance of that plane."""
     x, y, f = plane_map.rotation.T @ plane_map.translation
     return Intrinsics(float(f), float(plane_map.middle[0] - x), float(plane_map.middle[1] - y))
 
@@ -150,10 +149,9 @@ def intrinsics_of(plane_map: JointMap) -> Intrinsics:
 def camera_of(
     plane_map: JointMap, seen: Observations, image_size: tuple[int, int], noise_px: float, error_px: float
 ) -> VirtualCamera:
-    """The virtual camera in the reference board's frame, believed inside the hull of all corners.
+    """The virtual camera in the reference board's frame, whose domain is the hull of all corners.
 
-    ``error_px`` is the standard deviation of a corner in the photographs as they are: with what their boards' shape and
-    motions shift it by.
+    ``error_px`` is the standard deviation of a corner in the photographs: noise, and shifts by warp and motions.
     """
     frame = plane_map.frame
     limit = DOMAIN_STD * error_px * plane_map.disagreement
@@ -169,7 +167,7 @@ def intrinsics_covariance(plane_map: JointMap) -> Floats:
 
 
 def poses_of(settled: Settled, seen: Observations, plane_map: JointMap) -> dict[str, Pose]:
-    """Poses of all boards' lattices in the reference board's frame."""
+    """Poses, camera_from_board by view name, of all boards' lattices in the reference board's frame, in squares."""
     state = settled.solution.state
     middle = np.append(plane_map.middle, 0.0)
     turn = plane_map.rotation.T
@@ -180,7 +178,7 @@ def poses_of(settled: Settled, seen: Observations, plane_map: JointMap) -> dict[
 
 
 def shape_of(settled: Settled) -> Shape:
-    """The board's shape."""
+    """The shape of the board in the finished solve."""
     shape, eta = settled.model.shape, settled.solution.state.eta
     points, stretches, warps = shape.points(eta), shape.has(STRETCH), shape.has(WARP)
     return Shape(

@@ -1,4 +1,8 @@
-"""The winner solved in full: the joint solve and its hyperparameters in turns, until neither moves."""
+"""The winning trend solved in full: the joint solve and its hyperparameters in turns, until neither changes.
+
+Between turns the sines are chosen anew for the present length scale, and a warp and the motions are resized, if the
+board has them. :func:`best_shape` chooses the board's shape beforehand, from the linearised problem.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +12,8 @@ import numpy as np
 
 from pinholify.arrays import Floats
 from pinholify.errors import CalibrationError
-from pinholify.refinement.basis import REACH, SineBasis, no_basis, sine_basis
-from pinholify.refinement.candidates import SCREENING_LENGTH_SCALE, WORTH, Candidate, Setting, solve_trend
+from pinholify.refinement.basis import MAX_FREQUENCY, SineBasis, no_basis, sine_basis
+from pinholify.refinement.candidates import EXTENSION_COST, SCREENING_LENGTH_SCALE, Candidate, Setting, solve_trend
 from pinholify.refinement.evidence import Hyperparameters, Linearised, linearised, maximise_evidence, posterior
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.motion import motion_of
@@ -20,22 +24,26 @@ from pinholify.refinement.solver import Loss, Solution, measured, minimise
 from pinholify.refinement.spectral import LogDensity
 from pinholify.refinement.warp import refitted
 
-ROUNDS = 6
-SETTLED = 0.02  # change of any log hyperparameter
-UNSEEN = 0.3  # of the noise: what the functions may leave out of the process, as a standard deviation
-SAFETY = 0.9  # length scales down to this part of the present one are carried
-FINEST = 0.11  # half diagonals: what 500 functions carry
-STEPS, CONVERGED = 20, 0.02  # nats that the last step promises; it is taken, and leaves far less
+MAX_ROUNDS = 6
+LOG_TOLERANCE = 0.02  # a round that changes every log hyperparameter by less is the last
+SHAPE_SCORING_STEPS, SCORING_STEPS = 6, 15  # of the hyperparameters, for a shape and for a round
+UNSEEN_NOISE_SHARE = 0.3  # of the noise: standard deviation that the functions may leave out of the process
+LENGTH_SCALE_MARGIN = 0.9  # functions are chosen for length scales down to this part of the present one
+FINEST_LENGTH_SCALE = 0.11  # half diagonals: the shortest that about 500 functions represent
+MAX_STEPS = 20
+MIN_GAIN = 0.02  # nats: a step that promises less is the last; it is taken, and what is left is far smaller
 
 
 class SolveError(CalibrationError):
-    """A trend whose full solve breaks down; another may do."""
+    """The full solve of a trend broke down; that of another one may not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settled:
-    """The finished solve: the model, its unknowns, the undamped equations there, hyperparameters and
-    evidence.
+    """The finished solve.
+
+    ``equations`` are the undamped normal equations at ``solution``, ``problem`` the linearised problem there, and
+    ``precision`` (D,) the prior's at the ``hyperparameters``.
     """
 
     model: Model
@@ -48,13 +56,14 @@ class Settled:
 
     @property
     def information(self) -> Floats:
-        """The posterior's information (D, D) about the globals, times the squared noise."""
+        """The posterior precision (D, D) of the globals times the squared noise."""
         return self.equations.matrix + np.diag(self.precision * self.hyperparameters.noise**2)
 
 
 def best_shape(setting: Setting, candidate: Candidate) -> tuple[BoardShape, Candidate]:
-    """The shape of the board that the candidate's evidence prefers, flat and square unless another is worth it; and
-    the candidate with the hyperparameters of that evidence.
+    """The family of shapes that the candidate's evidence prefers, and the candidate with its hyperparameters there.
+
+    Each optional part of the shape has to be worth its cost, so the board is flat and square unless the data object.
     """
     problem, families = candidate.problem, setting.shape.smaller()
     if len(families) == 1:
@@ -68,10 +77,10 @@ def best_shape(setting: Setting, candidate: Candidate) -> tuple[BoardShape, Cand
             setting.density,
             candidate.hyperparameters,
             shortest=setting.shortest,
-            resolved=FINEST,
-            most=6,
+            resolved=FINEST_LENGTH_SCALE,
+            most=SHAPE_SCORING_STEPS,
         )
-        cost = WORTH * shape.options
+        cost = EXTENSION_COST * shape.options
         found.append((fit.log_evidence - cost, shape, fit.hyperparameters))
     _, shape, hyperparameters = max(found, key=lambda each: each[0])
     return shape, replace(candidate, hyperparameters=hyperparameters)
@@ -80,14 +89,14 @@ def best_shape(setting: Setting, candidate: Candidate) -> tuple[BoardShape, Cand
 def settle(
     setting: Setting, candidate: Candidate, seen: Observations, known: tuple[State, SineBasis] | None = None
 ) -> Settled:
-    """``candidate``'s trend with ``setting``'s shape, solved with its process from where its linearised problem leads,
-    or from a ``known`` state and its functions, where the same was solved for other corners.
+    """The trend of ``candidate``, with its process and the shape of ``setting``, solved in full.
 
-    Raises SolveError where the solve breaks down.
+    The solve starts where the linearised problem leads, or from a ``known`` state and its functions where the same was
+    solved for other corners. Raises SolveError where it breaks down.
     """
     hyperparameters, (state, before) = candidate.hyperparameters, known or _promised(setting, candidate, seen)
     resolved, shape, motion = _resolved(hyperparameters), setting.shape, setting.motion
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         basis = _basis(setting, hyperparameters, resolved)
         state, before = replace(state, weights=_carried(state.weights, before, basis)), basis
         settled = _solve(Model(candidate.trend, basis, shape, motion), setting.density, state, seen, hyperparameters)
@@ -98,7 +107,7 @@ def settle(
             hyperparameters,
             shortest=setting.shortest,
             resolved=resolved,
-            most=15,
+            most=SCORING_STEPS,
         )
         present = np.append(_logarithms(hyperparameters), np.log(shape.prior_std))
         hyperparameters, state, shape = fit.hyperparameters, settled.solution.state, settled.model.shape
@@ -106,10 +115,10 @@ def settle(
             motion = motion_of(settled.solution, seen) or motion
         moved = np.abs(np.append(_logarithms(hyperparameters), np.log(shape.prior_std)) - present).max()
         finest = _finest_detail(hyperparameters)
-        crowded = resolved > FINEST and SAFETY**0.5 * finest < resolved
-        if moved < SETTLED and not crowded:
+        crowded = resolved > FINEST_LENGTH_SCALE and LENGTH_SCALE_MARGIN**0.5 * finest < resolved
+        if moved < LOG_TOLERANCE and not crowded:
             break
-        if crowded or finest > 2.0 * resolved / SAFETY:
+        if crowded or finest > 2.0 * resolved / LENGTH_SCALE_MARGIN:
             resolved = _resolved(hyperparameters)
     frequencies = settled.model.basis.frequencies
     precision = hyperparameters.precision(setting.density, frequencies, settled.problem.precision)
@@ -117,7 +126,10 @@ def settle(
 
 
 def _promised(setting: Setting, candidate: Candidate, seen: Observations) -> tuple[State, SineBasis]:
-    """What ``candidate``'s linearised problem says, its poses as they were; without process where that sees not all."""
+    """The state that ``candidate``'s linearised problem predicts, with its poses unchanged, and its functions.
+
+    Where the trend does not see all corners from there, a new solve without process stands in.
+    """
     problem, origin, best = candidate.problem, candidate.origin, candidate.hyperparameters
     kept = origin.model.shape.kept(setting.shape)
     problem = problem.without(np.append(np.zeros(len(problem.theta) - len(kept), dtype=bool), ~kept))
@@ -134,18 +146,18 @@ def _promised(setting: Setting, candidate: Candidate, seen: Observations) -> tup
 
 
 def _carried(weights: Floats, of: SineBasis, to: SineBasis) -> Floats:
-    """Weights (M, 2) of the functions of ``to``: those that the same functions of ``of`` have, the others' zero."""
+    """``weights`` of the functions ``of`` transferred to the functions ``to``, (M, 2); new functions have zero."""
     return np.asarray((to.order[:, None] == of.order).all(axis=2) @ weights)
 
 
 def _solve(
     model: Model, density: LogDensity, state: State, seen: Observations, hyperparameters: Hyperparameters
 ) -> Settled:
-    """By Newton steps, each of which makes the equations anew; damped ones where these do not help."""
+    """The solve of all unknowns at fixed hyperparameters, by Newton steps; by damped ones where these do not help."""
     prior, frequencies, noise = model.trend_precision(), model.basis.frequencies, hyperparameters.noise
     precision, loss = hyperparameters.precision(density, frequencies, prior), Loss(noise)
     here, damped = _found(measured(model, state, seen, precision, loss), model), False
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         linear = model.linearise(here.state, seen, here.prediction)
         equations = eliminate(linear, here.prediction.residual, seen.weight**2, seen)
         problem = linearised(equations, seen.boards, here.state.globals, frequencies, prior)
@@ -155,16 +167,16 @@ def _solve(
         there = measured(model, here.state.moved(step, equations.pose_steps(step)), seen, precision, loss)
         if there is not None and there.objective <= here.objective:
             here = there
-        elif not damped and promised >= CONVERGED:
-            here, damped = _found(minimise(model, here.state, seen, precision, loss, most_steps=STEPS), model), True
+        elif not damped and promised >= MIN_GAIN:
+            here, damped = _found(minimise(model, here.state, seen, precision, loss, most_steps=MAX_STEPS), model), True
             continue
-        if damped or promised < CONVERGED:
+        if damped or promised < MIN_GAIN:
             break
     return Settled(model, here, equations, problem, hyperparameters, -np.inf, precision)
 
 
 def _rewarped(settled: Settled, density: LogDensity) -> Settled:
-    """The same with the board's warp, if it has one, as large as the evidence has it there."""
+    """``settled`` with the board's warp, if it has one, resized by the evidence there."""
     if not settled.model.shape.has(WARP):
         return settled
     warp = refitted(settled.model.shape, settled.problem, density, settled.hyperparameters)
@@ -173,25 +185,27 @@ def _rewarped(settled: Settled, density: LogDensity) -> Settled:
 
 
 def _found(solution: Solution | None, model: Model) -> Solution:
+    """``solution``; raises SolveError where there is none."""
     if solution is None:
         raise SolveError(f"the joint solve with trend {model.trend.name} broke down")
     return solution
 
 
 def _resolved(hyperparameters: Hyperparameters) -> float:
-    return max(FINEST, SAFETY * _finest_detail(hyperparameters))
+    """The length scale that the functions have to resolve."""
+    return max(FINEST_LENGTH_SCALE, LENGTH_SCALE_MARGIN * _finest_detail(hyperparameters))
 
 
 def _finest_detail(hyperparameters: Hyperparameters) -> float:
-    """The length scale whose functions leave less of the process out than shows in the noise; infinite without one.
+    """The length scale whose functions omit less of the process than shows in the noise; infinite without a process.
 
-    Beyond the frequency ω an SE process of length scale l has the share exp(−(ωl)²/2) of its variance.
+    An SE process of length scale l has the share exp(−(ωl)²/2) of its variance beyond the frequency ω.
     """
     if not len(hyperparameters.kernel):
         return np.inf
-    shown = np.exp(hyperparameters.kernel[0]) / (UNSEEN * hyperparameters.noise)
+    shown = np.exp(hyperparameters.kernel[0]) / (UNSEEN_NOISE_SHARE * hyperparameters.noise)
     needed = 2.0 * np.sqrt(np.log(max(shown, 1.0)))
-    return float(np.exp(hyperparameters.kernel[1:].min()) * REACH / max(needed, REACH))
+    return float(np.exp(hyperparameters.kernel[1:].min()) * MAX_FREQUENCY / max(needed, MAX_FREQUENCY))
 
 
 def _basis(setting: Setting, hyperparameters: Hyperparameters, resolved: float) -> SineBasis:

@@ -1,9 +1,9 @@
-"""Boards that are neither flat nor square: a smooth shape shared by all views, linear in its parameters η.
+"""Boards that are not flat, square lattices: a smooth shape shared by all views, linear in its parameters η.
 
-Three parts, each with or without. *Bend*: a height z = Σ η_j m_j(ξ, υ) with even monomials of ξ, υ ∈ [−1, 1], so that a
-half turn of the board, which a picture may not show, changes nothing. *Stretch*: a print longer along y than along x,
-and sheared, as a printer feeds its paper: Y → (1 + ε) Y, X → X + γ Y. *Warp*: smooth shifts of all corners, along x, y
-and z, whatever form they have. Constants, turns and tilts are poses, the scale of a square is the unit.
+A shape has up to three parts. *Bend*: a height z = Σ η_j m_j(ξ, υ) with even monomials of ξ, υ ∈ [−1, 1], so that a
+half turn of the board, which an image may not show, changes nothing. *Stretch*: a print that is longer along y than
+along x, and sheared, by the feed of the printer: Y → (1 + ε) Y, X → X + γ Y. *Warp*: smooth shifts of all corners along
+x, y and z, of any form. Shifts and rotations of the whole board are its poses; the side of a square is the unit.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from pinholify.board import Board, Screen, lattice
 from pinholify.refinement.observations import Observations, lattice_middle
 from pinholify.refinement.surface import surface_functions
 
-HEIGHT_STD = 0.1  # squares
-STRETCH_STD = 0.003  # of ε and of γ
+HEIGHT_STD = 0.1  # prior standard deviation of a bend's η, squares
+STRETCH_STD = 0.003  # prior standard deviation of ε and of γ
 BEND, STRETCH, WARP = "bend", "stretch", "warp"
-OPTIONAL = (BEND, STRETCH)
+OPTIONAL_PARTS = (BEND, STRETCH)  # that the evidence may leave out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardShape:
-    """A family of shapes of a board whose corners stand at ``flat`` (n, 2), squares from its middle.
+    """A family of shapes of a board whose corners are at ``flat`` (n, 2), in squares from its middle.
 
-    Each of its parameters η (S,) shifts corners along one ``axis`` (S,) of the board, 0, 1 or 2, by its own of the
-    ``functions`` (n, S), and belongs to one ``part`` (S,); ``prior_std`` (S,) in squares, about the mean of zero.
+    Parameter η_s of η (S,) shifts the corners along ``axis[s]`` of the board, 0, 1 or 2, by η_s times
+    ``functions[:, s]`` (n,), and belongs to ``part[s]``. Its prior has mean zero and the standard deviation
+    ``prior_std[s]``.
     """
 
     flat: Floats
@@ -40,7 +41,7 @@ class BoardShape:
     prior_std: Floats
 
     def of(self, *parts: str) -> BoardShape:
-        """The family within this one that has these ``parts`` alone."""
+        """The family within this one that has only these ``parts``."""
         keep = np.isin(self.part, parts)
         return replace(
             self,
@@ -51,36 +52,41 @@ class BoardShape:
         )
 
     def has(self, part: str) -> bool:
-        """Whether ``part`` is free."""
+        """Whether the family has ``part``."""
         return part in self.part
 
     def smaller(self) -> list[BoardShape]:
-        """All families within this one that lack a bend or a stretch, itself first. A board that is warped has both:
-        how much of each is hard to tell from the lens, and to hold it at none would be to know it.
+        """All families within this one that lack a bend or a stretch or both, this one first.
+
+        A board with a warp keeps both: the data hardly separate them from the lens, and fixing them at zero would
+        claim to know them.
         """
         if self.has(WARP):
             return [self]
-        choices = product(*(((part,), ()) if self.has(part) else ((),) for part in OPTIONAL))
+        choices = product(*(((part,), ()) if self.has(part) else ((),) for part in OPTIONAL_PARTS))
         return [self.of(*chain(*choice)) for choice in choices]
 
     @property
     def options(self) -> int:
-        """How many parts it has that it could lack."""
-        return sum(self.has(part) for part in OPTIONAL)
+        """The number of parts that it has and could lack."""
+        return sum(self.has(part) for part in OPTIONAL_PARTS)
 
     def kept(self, smaller: BoardShape) -> Bools:
-        """Which of this family's η (S,) the ``smaller`` family has too."""
+        """Mask (S,) of the η that the ``smaller`` family has too."""
         return np.isin(self.part, smaller.part)
 
     def carried(self, eta: Floats, of: BoardShape) -> Floats:
-        """The parameters of what ``eta`` is ``of`` another family of the board, as far as this one has its parts."""
+        """The parameters (S,) of the shape that has ``eta`` in the family ``of``; parts missing there are zero."""
         found = np.zeros(len(self.part))
         found[np.isin(self.part, of.part)] = eta[np.isin(of.part, self.part)]
         return found
 
     def warped(self, plane_std: float, height_std: float) -> BoardShape:
-        """The same with a warp whose shifts have these standard deviations, squares, along x and y, and along z."""
-        bare, functions = self.of(*OPTIONAL), surface_functions(self.flat)
+        """This family with a warp of prior standard deviations ``plane_std`` along x and y, ``height_std`` along z.
+
+        Both are in squares. A warp that the family has already is replaced.
+        """
+        bare, functions = self.of(*OPTIONAL_PARTS), surface_functions(self.flat)
         count = functions.shape[1]
         return BoardShape(
             self.flat,
@@ -91,31 +97,31 @@ class BoardShape:
         )
 
     def points(self, eta: Floats) -> Floats:
-        """All corners (n, 3) of the board, squares from its middle; heights away from the camera are positive."""
+        """All corners (n, 3) of the board, in squares from its middle; z is positive away from the camera."""
         return self._shifted(self.flat, self.functions, eta)
 
     def seen_points(self, eta: Floats, seen: Observations) -> Floats:
-        """The points (N, 3) that ``seen`` shows."""
+        """The board's points (N, 3) at the corners of ``seen``, in squares from its middle."""
         return self._shifted(seen.lattice, self._rows(seen), eta)
 
     def slopes(self, by_point: Floats, seen: Observations) -> Floats:
-        """The derivatives (N, m, S) by η of what has the derivatives ``by_point`` (N, m, 3) by the points ``seen``."""
+        """Derivatives (N, m, S) by η, from those by the board's points, ``by_point`` (N, m, 3)."""
         return np.asarray(by_point[:, :, self.axis] * self._rows(seen)[:, None, :])
 
     def stretch(self, eta: Floats) -> float:
-        """ε: how much longer y's squares are than x's, as a fraction."""
+        """The stretch ε: how much longer a square is along y than along x, as a fraction."""
         return float(eta[(self.part == STRETCH) & (self.axis == 1)].sum())
 
     def shear(self, eta: Floats) -> float:
-        """γ: how far x's lines lean along x for each square along y, a fraction."""
+        """The shear γ: the shift along x per square along y."""
         return float(eta[(self.part == STRETCH) & (self.axis == 0)].sum())
 
     def warp(self, eta: Floats) -> Floats:
-        """What the warp alone shifts the corners by, (n, 3) squares."""
+        """The shifts (n, 3) of all corners by the warp alone, in squares."""
         return self._shifted(np.zeros_like(self.flat), self.functions * (self.part == WARP), eta)
 
     def _rows(self, seen: Observations) -> Floats:
-        """The functions (N, S) at the corners ``seen``, without a warp where a view may have misplaced them."""
+        """The functions (N, S) at the corners of ``seen``; those of a warp are zero where ids are relative."""
         rows = self.functions[seen.corner]
         if self.has(WARP) and not seen.placed.all():
             rows[np.ix_(~seen.placed, self.part == WARP)] = 0.0
@@ -127,7 +133,7 @@ class BoardShape:
 
 
 def board_shape(board: Board) -> BoardShape:
-    """All shapes that ``board`` may have but for a warp; a screen's pixels are a true square lattice, if a bent one."""
+    """The family with all parts but a warp; a screen has no stretch, since its pixels are a true square lattice."""
     flat = lattice(board) - lattice_middle(board)
     xi, upsilon = flat.T / np.abs(flat).max(axis=0)[:, None]
     bends = np.column_stack([xi**2, xi * upsilon, upsilon**2, xi**4, xi**2 * upsilon**2, upsilon**4])

@@ -1,7 +1,7 @@
-"""What all boards' corners have in common in the board's own axes: an error of the board, not of the camera.
+"""Errors of the board itself: shifts of its corners, in its own axes, that all views share.
 
 A seam between two sheets, paper that cockles, a print error: each shifts the same corners of the board in all
-photographs, wherever the board stands in them, so that nothing hangs together over the image.
+photographs, wherever in the image the board is, so the residuals show no structure over the image.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from pinholify.arrays import Floats, Ints
 
 @dataclass(frozen=True, slots=True)
 class SharedError:
-    """``rms_px`` a corner (of weight one) is what boards' residuals owe to shifts of its corners that all boards share,
-    ``p_value`` the probability of as much or more where they share none.
+    """The part of the residuals that shifts of the board's corners, shared by all views, explain.
+
+    ``rms_px`` is its RMS per corner of weight one, in the units of the residuals; ``p_value`` is the probability of as
+    much or more where nothing is shared.
     """
 
     rms_px: float
@@ -25,13 +27,13 @@ class SharedError:
 
 
 def shared_error(residual: Floats, by_shift: Floats, corner: Ints, view: Ints) -> SharedError:
-    """How alike the boards' residuals (N, 2) are at each ``corner`` (N,), as shifts (3,) of the board's points.
+    """The error that views share at each ``corner`` (N,), as shifts (3,) of the board's points.
 
-    Whitened residuals have the derivatives ``by_shift`` (N, 2, 3) by the board's points in its own axes; ``view`` (N,)
-    counts the boards. The shift that fits all boards best explains a part of each residual; counted are the products
-    of different boards' parts, whose sum has mean zero where nothing is shared. The null distribution gives each
-    board's residuals as a whole a random sign, which keeps what is alike within a board (the wild bootstrap of
-    clusters, Cameron, Gelbach & Miller 2008, here with its exact variance).
+    ``residual`` (N, 2) are whitened residuals, ``by_shift`` (N, 2, 3) their derivatives by the board's points in its
+    own axes, ``view`` (N,) is the index of the view. The shift that fits all views best explains a part of each
+    residual; the statistic is the sum of the products of different views' parts, which has mean zero where nothing is
+    shared. The null distribution gives all residuals of a view the same random sign, which preserves the correlation
+    within a view (the wild cluster bootstrap of Cameron, Gelbach & Miller 2008, here with its exact variance).
     """
     if not len(residual):
         return SharedError(0.0, 1.0)
@@ -49,8 +51,8 @@ def shared_error(residual: Floats, by_shift: Floats, corner: Ints, view: Ints) -
 
 
 def _inverse_roots(matrices: Floats) -> Floats:
-    """Roots of the pseudoinverses of symmetric ``matrices`` (n, 3, 3): what few boards do not tell stays out."""
+    """Roots of the pseudoinverses of symmetric ``matrices`` (n, 3, 3), without the directions that are undetermined."""
     values, vectors = np.linalg.eigh(matrices)
-    told = values > 1e-9 * values[:, -1:]
-    scale = np.where(told, 1.0, 0.0) / np.sqrt(np.where(told, values, 1.0))
+    determined = values > 1e-9 * values[:, -1:]
+    scale = np.where(determined, 1.0, 0.0) / np.sqrt(np.where(determined, values, 1.0))
     return np.asarray(scale[:, :, None] * vectors.transpose(0, 2, 1))

@@ -1,7 +1,7 @@
 """Levenberg-Marquardt on the joint model with the poses eliminated, and its robust loss.
 
-The objective is the true one, residuals in px against the noise plus the priors: a step that does not lower
-it is not taken. The damping is the solver's own; no evidence ever sees it.
+The objective is the exact one: residuals relative to the noise, plus the priors. A step that does not lower it is not
+taken. The damping serves the descent alone and has no part in any evidence.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from pinholify.refinement.model import Linearisation, Model, Prediction, State
 from pinholify.refinement.normal import eliminate
 from pinholify.refinement.observations import Observations
 
-FIRST_DAMPING = 1e-5
-LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6
-TRUSTED_DAMPING = 1e-2  # a small gain under a stronger damping is no sign of convergence
-LEAST_NOISE = 1e-9  # normalised image units
-RAYLEIGH_MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))  # of a residual's length, in standard deviations per axis
+FIRST_DAMPING, DAMPING_FACTOR = 1e-5, 10.0
+MIN_DAMPING, MAX_DAMPING = 1e-9, 1e6
+TRUSTED_DAMPING = 1e-2  # under a stronger damping a small gain does not indicate convergence
+MIN_NOISE = 1e-9  # normalised image units
+RAYLEIGH_MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))  # median length of a normal residual of unit std per axis
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """Noise ``std`` per axis (normalised) and where Huber's loss turns linear, in standard deviations.
+    """The noise ``std`` per axis (normalised), and the length at which Huber's loss turns linear, in units of it.
 
-    ``std`` None: the scale of the residuals at each step, by their median.
+    If ``std`` is None, it is the robust scale of the residuals at each step.
     """
 
     std: float | None = None
@@ -36,9 +36,7 @@ class Loss:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Where a search stands: the model, its state there and what it predicts, the objective (nats) and the
-    noise it is measured with.
-    """
+    """A point of a descent: the model, its state, the prediction there, the objective (nats) and the noise in it."""
 
     model: Model
     state: State
@@ -48,22 +46,22 @@ class Solution:
 
 
 def lengths(residual: Floats, weight: Floats) -> Floats:
-    """Lengths (n,) of residuals (n, 2), whitened by each corner's ``weight`` (n,)."""
+    """Lengths (n,) of ``residual`` (n, 2), each times its corner's ``weight`` (n,)."""
     return np.asarray(np.linalg.norm(residual, axis=1) * weight)
 
 
 def robust_scale(length: Floats) -> float:
-    """Standard deviation per axis, by the median of the residuals' lengths (n,)."""
+    """The standard deviation per axis of residuals of the given lengths (n,), by their median."""
     return float(np.median(length)) / RAYLEIGH_MEDIAN
 
 
 def huber_weights(length: Floats, bend: float) -> Floats:
-    """Weights (n,) of squares that turn least squares into Huber's loss; both in standard deviations."""
+    """Weights (n,) of squares that turn least squares into Huber's loss; arguments in standard deviations."""
     return np.minimum(1.0, bend / np.maximum(length, 1e-300))
 
 
 def huber_loss(length: Floats, bend: float) -> Floats:
-    """Twice Huber's loss (n,); the loss of a length up to ``bend`` is its square."""
+    """Twice Huber's loss (n,): the square of a length up to ``bend``, and linear beyond it."""
     short = np.minimum(length, bend)
     return short * (2.0 * length - short)
 
@@ -77,14 +75,14 @@ class _Problem:
     poses_only: bool
 
     def at(self, state: State, noise: float | None = None) -> Solution | None:
-        """The objective at ``state`` for ``noise``, or for the loss's own; None where it has none."""
+        """The objective at ``state`` for ``noise``, by default the loss's; None where the trend misses a corner."""
         prediction = self.model.predict(state, self.seen)
         return self.measured(state, prediction, noise) if prediction.valid else None
 
     def measured(self, state: State, prediction: Prediction, noise: float | None = None) -> Solution:
-        """The objective of a valid ``prediction`` for ``noise``, or for the loss's own."""
+        """The objective of a valid ``prediction`` for ``noise``, by default the loss's."""
         length = lengths(prediction.residual, self.seen.weight)
-        noise = noise or self.loss.std or max(robust_scale(length), LEAST_NOISE)
+        noise = noise or self.loss.std or max(robust_scale(length), MIN_NOISE)
         misfit = huber_loss(length / noise, self.loss.huber).sum()
         objective = 0.5 * float(misfit + self.precision @ state.globals**2)
         if self.model.motion:
@@ -92,8 +90,9 @@ class _Problem:
         return Solution(self.model, state, prediction, objective, noise)
 
     def step(self, here: Solution, linear: Linearisation, damping: float) -> tuple[Solution, float] | None:
-        """The damped Gauss-Newton step and the gain that the linearised problem promises for it; None where it leads
-        out of the model.
+        """The solution after the damped Gauss-Newton step, and the gain that the linearised problem promises for it.
+
+        None where the equations are singular or the trend does not see all corners after the step.
         """
         length = lengths(here.prediction.residual, self.seen.weight) / here.noise
         weight = self.seen.weight**2 * huber_weights(length, self.loss.huber)
@@ -111,8 +110,9 @@ class _Problem:
 
 
 def measured(model: Model, state: State, seen: Observations, precision: Floats, loss: Loss) -> Solution | None:
-    """``state`` as a solution; None where the trend does not see all corners from there. ``precision`` (D,) is the
-    prior's.
+    """``state`` as a solution; None where the trend does not see all corners there.
+
+    ``precision`` (D,) is the prior's.
     """
     return _Problem(model, seen, precision, loss, poses_only=False).at(state)
 
@@ -128,10 +128,10 @@ def minimise(
     tolerance: float = 0.02,
     poses_only: bool = False,
 ) -> Solution | None:
-    """The minimum near ``state``; None where the trend does not see all corners from there.
+    """The minimum near ``state``; None where the trend does not see all corners there.
 
-    ``precision`` (D,) is the prior's, ``tolerance`` the decrease of the objective (nats) that ends the
-    search.
+    ``precision`` (D,) is the prior's; a decrease of the objective below ``tolerance`` (nats) ends the descent. With
+    ``poses_only`` the globals stay fixed.
     """
     problem = _Problem(model, seen, precision, loss, poses_only)
     here = problem.at(state)
@@ -144,14 +144,14 @@ def minimise(
         there, promised = problem.step(here, linear, damping) or (here, np.inf)
         gain = here.objective - there.objective
         if there is here or not gain >= 0.0:
-            damping, easily = 10.0 * damping, False
-            if damping > MOST_DAMPING:
+            damping, easily = DAMPING_FACTOR * damping, False
+            if damping > MAX_DAMPING:
                 break
             continue
         here = problem.measured(there.state, there.prediction)
-        # A step that brings what it promised was one of a quadratic, and leads to its end.
+        # A step that gains what was promised was one on a quadratic, and ends at its minimum.
         if min(gain, abs(gain - promised)) < tolerance and damping <= TRUSTED_DAMPING:
             break
-        damping = max(damping / (10.0 if easily else 1.0), LEAST_DAMPING)  # not at once to where it just failed
+        damping = max(damping / (DAMPING_FACTOR if easily else 1.0), MIN_DAMPING)  # not at once to what just failed
         easily, linear = True, None
     return here

@@ -1,6 +1,4 @@
-"""Spectral densities of the kernels in two dimensions (Rasmussen & Williams, 4.2.1): the weights' prior
-variances.
-"""
+"""Spectral densities of the kernels in two dimensions (Rasmussen & Williams, 4.2.1): prior variances of the weights."""
 
 from __future__ import annotations
 
@@ -10,23 +8,24 @@ import numpy as np
 
 from pinholify.arrays import Floats
 from pinholify.errors import InputError
+from pinholify.gp.regression import LOG_2PI
 
 LogDensity = Callable[[Floats, Floats], tuple[Floats, Floats]]
 """(log parameters (p,): σ then length scales, frequencies (M, 2)) → log S (M,) and its gradient (M, p)."""
 
 
 def squared_exponential(parameters: Floats, frequencies: Floats) -> tuple[Floats, Floats]:
-    """S = σ² 2π l_u l_v exp(−½ Σ l² ω²), for one or two length scales."""
+    """Log density of S = σ² 2π l_u l_v exp(−½ Σ l² ω²), for one or two length scales, and its gradient."""
     scales = np.exp(parameters[1:])
     squares = (frequencies * scales) ** 2
     shared = 2.0 / len(scales)  # how many dimensions share a length scale
-    value = 2.0 * parameters[0] + np.log(2.0 * np.pi) + shared * parameters[1:].sum() - 0.5 * squares.sum(axis=1)
+    value = 2.0 * parameters[0] + LOG_2PI + shared * parameters[1:].sum() - 0.5 * squares.sum(axis=1)
     by_scale = shared - (squares if len(scales) == 2 else squares.sum(axis=1, keepdims=True))
     return value, np.column_stack([np.full(len(value), 2.0), by_scale])
 
 
 def matern(smoothness: float) -> LogDensity:
-    """S = σ² 4πν (2ν)^ν l^(−2ν) (2ν/l² + ω²)^(−ν−1), ν = ``smoothness``."""
+    """The log density function of S = σ² 4πν (2ν)^ν l^(−2ν) (2ν/l² + ω²)^(−ν−1), ν = ``smoothness``."""
 
     def log_density(parameters: Floats, frequencies: Floats) -> tuple[Floats, Floats]:
         squares = (frequencies**2).sum(axis=1) * np.exp(2.0 * parameters[1])
@@ -49,7 +48,7 @@ DENSITIES: dict[str, tuple[LogDensity, int]] = {
 
 
 def density_named(name: str) -> tuple[LogDensity, int]:
-    """The density of a kernel and its number of length scales; raises InputError with the names there are."""
+    """The log density of the kernel ``name`` and its number of length scales; raises InputError for unknown names."""
     if name not in DENSITIES:
-        raise InputError(f"the joint refinement knows no kernel '{name}'; it knows: {', '.join(DENSITIES)}")
+        raise InputError(f"the joint refinement has no kernel '{name}': choose one of {', '.join(DENSITIES)}")
     return DENSITIES[name]

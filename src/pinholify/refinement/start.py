@@ -1,13 +1,12 @@
-"""A start for the joint solve that needs no luck: a scan over simple lenses, and the poses of all boards in
-closed form.
+"""The start of the joint solve: a scan over simple lenses, with the poses of all boards in closed form.
 
-A simple lens has two numbers: the angle at the image's corners, and how the radius grows with the angle, r ∝
-tan(aθ)/a (pinhole a = 1, stereographic ½, equidistant 0, compressed beyond that). For each, the boards' poses
-come from the directions of their corners by a direct linear transform, which rays beyond 90° do not trouble.
-The lens under which the middle board fits best starts the solve.
+A simple lens has two parameters: the angle at the image's corners, and the law by which the radius grows with the
+angle, r ∝ tan(aθ)/a (pinhole a = 1, stereographic ½, equidistant 0, more compressed for a² < 0). For each lens, the
+boards' poses follow from the directions of their corners by a direct linear transform, which works beyond 90° too. The
+lens with the smallest median misfit of boards starts the solve.
 
-A camera that is given, last month's or another program's, is one lens more: it knows what no scan looks for, such as an
-axis outside the image. Where it explains the corners clearly better than the scan's, it starts the solve.
+A camera that is given, an earlier one or another program's, is one more lens: it may have what no scan covers, such as
+an axis outside the image. It starts the solve where it explains the corners clearly better than the scan's lens.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
+from pinholify.calibration.numbering import FEWEST_CORNERS
 from pinholify.camera import VirtualCamera
 from pinholify.charts import AngleChart, angles_to_directions, directions_to_angles
 from pinholify.errors import CalibrationError, InputError
@@ -31,39 +31,38 @@ from pinholify.refinement.solver import Loss, Solution, minimise
 from pinholify.refinement.trends import Angles, LensTrend
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 
-CORNER_ANGLES = np.deg2rad([6, 10, 15, 20, 26, 32, 38, 45, 52, 60, 70, 80, 90, 100, 115])
-SHAPES = (1.0, 0.5, 0.0, -0.7)  # the sign is that of a²
-SCAN_BOARDS = 16
-FEWEST_CORNERS = 6
-STEPS = 10  # a trend that is not found by then is not the lens's, and is found no better with more
-MISFIT_RATIO = 5.0  # boards that fit this much worse than the middle one wait until the camera is known
-LENSES = 2  # that the scan hands on
-ROBUST = Loss(None, 3.0)
-CLEARLY = 1.2  # times the noise of another start
-LEVELLING_GRID = 12  # pixels along each side of the image
+CORNER_ANGLES_RAD = np.deg2rad([6, 10, 15, 20, 26, 32, 38, 45, 52, 60, 70, 80, 90, 100, 115])
+LENS_SHAPES = (1.0, 0.5, 0.0, -0.7)  # of the scan: |a|, with the sign of a²
+SCAN_BOARDS = 16  # the largest ones
+START_STEPS = 10  # a solve that has not converged by then has the wrong lens
+MISFIT_RATIO = 5.0  # boards that fit this much worse than the median one wait until the camera is known
+LENSES_KEPT = 2  # of the scan, each of which is solved
+ROBUST_LOSS = Loss(None, 3.0)
+CLEAR_NOISE_RATIO = 1.2  # of two starts' noise: beyond it one is clearly better
+LEVELLING_GRID = 12  # pixels along each side of the image, whose rays level a given camera
 
 
 class Lens(Protocol):
-    """What poses are found with."""
+    """A lens for which poses can be found."""
 
     def directions(self, x: Floats) -> Floats:
-        """Unit directions (n, 3) of normalised image points ``x`` (n, 2); nan where it sees nothing."""
+        """Unit directions (n, 3) of normalised image points ``x`` (n, 2); nan where the lens has no ray."""
         ...
 
     def radian(self, x: Floats) -> Floats:
-        """How long in the image a radian is at ``x`` (n, 2): (n,)."""
+        """The length (n,) of a radian in the image at ``x`` (n, 2), in normalised units."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SimpleLens:
-    """A radial lens about the image's middle: ``corner_angle`` (radians) at radius 1, and ``shape`` a."""
+    """A radial lens about the image's middle: ``corner_angle`` (radians) at radius 1, ``shape`` |a| signed as a²."""
 
     corner_angle: float
     shape: float
 
     def angle(self, radius: Floats) -> Floats:
-        """θ of normalised ``radius`` (n,); nan where the lens sees nothing."""
+        """Angles θ (n,) in radians at normalised ``radius`` (n,); nan where the lens has no ray."""
         a, end = abs(self.shape), self.corner_angle
         with np.errstate(invalid="ignore", divide="ignore"):
             if self.shape > 0:
@@ -73,7 +72,7 @@ class SimpleLens:
             return radius * end
 
     def slope(self, radius: Floats) -> Floats:
-        """dr/dθ at ``radius`` (n,): what turns an angle into a distance in the image."""
+        """The derivative dr/dθ (n,) at normalised ``radius`` (n,)."""
         a, end = abs(self.shape), self.corner_angle
         if self.shape > 0:
             scale = np.tan(a * end)
@@ -84,19 +83,20 @@ class SimpleLens:
         return np.full(len(radius), 1.0 / end)
 
     def directions(self, x: Floats) -> Floats:
-        """Unit directions (n, 3) of normalised image points ``x`` (n, 2)."""
+        """Unit directions (n, 3) of normalised image points ``x`` (n, 2); nan where the lens has no ray."""
         radius = np.linalg.norm(x, axis=1)
         return angles_to_directions(x * (self.angle(radius) / np.maximum(radius, 1e-12))[:, None])
 
     def radian(self, x: Floats) -> Floats:
-        """How long in the image a radian is at ``x`` (n, 2), away from the middle: (n,)."""
+        """The length (n,) in the image of a radian along the radius at ``x`` (n, 2), in normalised units."""
         return self.slope(np.linalg.norm(x, axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GivenLens:
-    """A ``camera`` in the normalised coordinates of ``frame``, turned by ``turn`` (3, 3) to where trends have their
-    axis, upright: its own, or the ray of the image's middle where it knows none.
+    """A ``camera`` as a lens in the normalised coordinates of ``frame``, turned by ``turn`` (3, 3) to the trends' axis.
+
+    That axis is the camera's own, or the ray of the image's middle where it has none, with the image upright.
     """
 
     camera: VirtualCamera
@@ -104,29 +104,29 @@ class GivenLens:
     turn: Floats
 
     def directions(self, x: Floats) -> Floats:
-        """Unit directions (n, 3), also where the camera had better not be believed."""
+        """Unit directions (n, 3) of normalised image points ``x`` (n, 2), also outside the camera's domain."""
         camera, uv = self.camera, self.frame.restore(x)
         return np.asarray(camera.chart.directions(camera.plane_map.value(uv)) @ self.turn.T)
 
     def radian(self, x: Floats) -> Floats:
-        """How long in the image a radian is, the same along all directions: (n,)."""
+        """The length (n,) of a radian in the image at ``x`` (n, 2), its geometric mean over directions."""
         camera, uv = self.camera, self.frame.restore(x)
         by_chart = camera.chart.direction_jacobian(camera.plane_map.value(uv))
         by_u, by_v = np.moveaxis(by_chart @ camera.plane_map.jacobian(uv), 2, 0)
         return np.asarray(np.linalg.norm(np.cross(by_u, by_v), axis=1) ** -0.5 / self.frame.scale)
 
     def inside(self, x: Floats) -> Bools:
-        """Where (n,) the camera may be believed."""
+        """Whether (n,) normalised image points ``x`` (n, 2) are in the camera's domain."""
         return self.camera.inside(self.frame.restore(x))
 
 
 def given_lens(camera: VirtualCamera, frame: ImageFrame, image_size: tuple[int, int]) -> GivenLens:
-    """``camera`` as a start for images of ``image_size`` (width, height) px; raises InputError where its are others."""
+    """``camera`` as a start for images of ``image_size`` (width, height) px; raises InputError if its size differs."""
     if camera.image_size != image_size:
         (width, height), (given_width, given_height) = image_size, camera.image_size
         raise InputError(
-            f"the start is a camera of images of {given_width}x{given_height}, and these are {width}x{height}: make "
-            "the camera of this mode with 'pinholify mode', or calibrate without a start"
+            f"the start is a camera for images of {given_width}x{given_height}, but these images are {width}x{height}: "
+            "make the camera of this mode with 'pinholify mode', or calibrate without a start"
         )
     sides = [np.linspace(0.0, n - 1.0, LEVELLING_GRID) for n in image_size]
     uv = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
@@ -139,27 +139,26 @@ def given_lens(camera: VirtualCamera, frame: ImageFrame, image_size: tuple[int, 
 
 
 def _upright(x: Floats, directions: Floats) -> Floats:
-    """The turn (3, 3) about z after which ``directions`` (n, 3) stand as the image points ``x`` (n, 2) seeing them."""
+    """The rotation (3, 3) about z after which ``directions`` (n, 3) have the azimuths of their image points ``x``."""
     (a, b), (c, d) = (x - x.mean(axis=0)).T @ directions_to_angles(directions)
     return rotation_about_z(float(np.arctan2(b - c, a + d)))
 
 
 def simple_lenses() -> list[SimpleLens]:
-    """All lenses of the scan; a pinhole's corner stands at less than 90°."""
+    """All lenses of the scan, without those whose corners would be near or beyond the end of the law."""
     return [
         SimpleLens(float(angle), shape)
-        for angle in CORNER_ANGLES
-        for shape in SHAPES
+        for angle in CORNER_ANGLES_RAD
+        for shape in LENS_SHAPES
         if shape <= 0 or shape * angle < 0.9 * np.pi / 2
     ]
 
 
 def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats, Floats]:
-    """Poses (K, 3, 3), (K, 3) of all boards from the ``directions`` (N, 3) of their corners.
+    """Poses, (K, 3, 3) and (K, 3) in squares, of all boards from the ``directions`` (N, 3) of their corners.
 
-    Direct linear transform: d × (r₁ X + r₂ Y + t) = 0, the sign such that the points lie along the
-    directions, then the nearest rotation. A board of too few corners to tell gets a pose of no use, not an
-    error.
+    The direct linear transform solves d × (r₁ X + r₂ Y + t) = 0, with the sign that puts the points along the
+    directions, and takes the nearest rotation. A board of too few corners gets a meaningless pose, not an error.
     """
     size = float(np.abs(seen.lattice).max())
     points = np.column_stack([seen.lattice / size, np.ones(len(seen.lattice))])
@@ -176,8 +175,9 @@ def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats,
 
 
 def board_misfit(lens: Lens, seen: Observations) -> tuple[Floats, Floats, Floats]:
-    """RMS misfit (K,) of each board in normalised image units under ``lens``, and the poses; inf where it
-    sees nothing.
+    """RMS misfit (K,) of each board under ``lens``, in normalised image units, and the poses as in closed form.
+
+    The misfit of a board is inf where the lens has no ray at one of its corners.
     """
     directions = lens.directions(seen.image)
     blind = ~np.isfinite(directions).all(axis=1)
@@ -191,7 +191,7 @@ def board_misfit(lens: Lens, seen: Observations) -> tuple[Floats, Floats, Floats
 
 
 def largest_boards(seen: Observations, most: int) -> Bools:
-    """Which corners (N,) belong to the ``most`` boards that spread widest in the image."""
+    """Mask (N,) of the corners of the ``most`` boards that spread widest in the image."""
     counts = seen.sums(np.ones(len(seen.view)))
     mean = seen.sums(seen.image) / counts[:, None]
     spread = seen.sums(((seen.image - mean[seen.view]) ** 2).sum(axis=1)) / counts
@@ -200,65 +200,69 @@ def largest_boards(seen: Observations, most: int) -> Bools:
 
 
 def scan(seen: Observations, count: int) -> list[SimpleLens]:
-    """The ``count`` simple lenses under which the middle one of the largest boards fits best, best first.
+    """The ``count`` simple lenses with the smallest median misfit of the largest boards, best first.
 
-    Raises CalibrationError where none fits anything.
+    Raises CalibrationError where no lens has a finite one.
     """
     some = seen.select(largest_boards(seen, SCAN_BOARDS))
     scores = [(float(np.median(board_misfit(lens, some)[0])), lens) for lens in simple_lenses()]
     finite = sorted((score for score in scores if np.isfinite(score[0])), key=lambda score: score[0])
     if not finite:
         raise CalibrationError(
-            "no lens between telephoto and fisheye explains the corners: look for a wrong board size"
+            "no lens between telephoto and fisheye explains the corners: check the board's size"
         )
     return [lens for _, lens in finite[:count]]
 
 
 def first_solution(setting: Setting, seen: Observations, given: GivenLens | None = None) -> tuple[Solution, bool]:
-    """All boards under the best lens, refined robustly as a lens with two radial coefficients; and whether the lens
-    ``given`` explains them as well. The scan's is taken unless the given one is clearly better: a start changes nothing
-    where none is needed. The trend distorts, so it sees every ray, whatever its parameters. Raises CalibrationError
-    where nothing fits.
+    """The robust solve of all boards with two radial coefficients from the best lens, and whether ``given`` fits.
+
+    The lens of the scan is taken unless the ``given`` one is clearly better, so that a start changes nothing where none
+    is needed. The given one fits unless it is clearly worse. The trend is a distorting one, which sees every ray
+    whatever its parameters. Raises CalibrationError where nothing fits.
     """
     model = setting.model(LensTrend(Angles(), True, 2, tangent=False))
-    led = None if given is None else _from_given(model, given, seen)
+    from_given = None if given is None else _from_given(model, given, seen)
     try:
-        found = _from_lenses(model, scan(seen, LENSES), seen)
+        scanned = _from_lenses(model, scan(seen, LENSES_KEPT), seen)
     except CalibrationError:
-        if led is None:
+        if from_given is None:
             raise
-        return led, True
-    if led is None:
-        return found, False
-    better = CLEARLY * led.noise < found.noise
-    return led if better else found, led.noise <= CLEARLY * found.noise
+        return from_given, True
+    if from_given is None:
+        return scanned, False
+    better = CLEAR_NOISE_RATIO * from_given.noise < scanned.noise
+    return from_given if better else scanned, from_given.noise <= CLEAR_NOISE_RATIO * scanned.noise
 
 
 def _from_given(model: Model, given: GivenLens, seen: Observations) -> Solution | None:
-    """From all corners, or from those alone where the camera may be believed, whichever leads nearer; None where it
-    says too little of the boards.
+    """The solve from ``given`` by all corners, or by those in its domain alone, whichever leaves less noise.
+
+    None where neither can be solved.
     """
-    believed = with_enough(seen, given.inside(seen.image))
-    parts = [seen] if believed.all() or not believed.any() else [seen, seen.select(believed)]
+    inside = with_enough(seen, given.inside(seen.image))
+    parts = [seen] if inside.all() or not inside.any() else [seen, seen.select(inside)]
     found = [_of_all_boards(s, seen) for part in parts if (s := _solve_from(model, given, part)) is not None]
     return min(found, key=lambda solution: solution.noise, default=None)
 
 
 def _from_lenses(model: Model, lenses: Iterable[Lens], seen: Observations) -> Solution:
+    """The solve from the one of ``lenses`` that leaves the least noise."""
     found = [s for lens in lenses if (s := _solve_from(model, lens, seen)) is not None]
     if not found:
-        raise CalibrationError("no camera explains the corners of most boards: look for a wrong board size")
+        raise CalibrationError("no camera explains the corners of most boards: check the board's size")
     return _of_all_boards(min(found, key=lambda solution: solution.noise), seen)
 
 
 def _of_all_boards(found: Solution, seen: Observations) -> Solution:
-    """``found``, from some of the boards, with the poses of all, refined."""
+    """``found``, a solution of some boards, solved again for all of them."""
     model = found.model
-    everybody = reposed(model, found.state, seen)
-    return minimise(model, everybody, seen, model.trend_precision(), ROBUST, most_steps=STEPS) or found
+    state = reposed(model, found.state, seen)
+    return minimise(model, state, seen, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS) or found
 
 
 def _solve_from(model: Model, lens: Lens, seen: Observations) -> Solution | None:
+    """The solve from ``lens`` by the boards that fit it; None where the trend cannot be fitted to it."""
     misfit, rotations, translations = board_misfit(lens, seen)
     sees = np.isfinite(misfit)
     if not sees.any():
@@ -270,12 +274,11 @@ def _solve_from(model: Model, lens: Lens, seen: Observations) -> Solution | None
         return None
     eta = np.zeros(len(model.shape.prior_std))
     state = State.still(beta, eta, rotations[good], translations[good])
-    return minimise(model, state, some, model.trend_precision(), ROBUST, most_steps=STEPS)
+    return minimise(model, state, some, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS)
 
 
 def reposed(model: Model, camera: State, seen: Observations) -> State:
-    """``camera`` with poses of all boards of ``seen`` by the direct linear transform of their corners'
-    rays."""
+    """``camera`` with the poses of all boards of ``seen``, by the direct linear transform of their corners' rays."""
     w = model.basis.undisplaced(camera.weights, seen.image)
     directions = model.trend.chart.directions(model.trend.ray(camera.beta, w))
     directions[~np.isfinite(directions).all(axis=1)] = [0.0, 0.0, 1.0]

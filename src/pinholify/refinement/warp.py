@@ -1,4 +1,8 @@
-"""How large the warp of the board is, in its plane and across it: by the evidence, as everything else."""
+"""Whether the board is warped, and by how much: first a test of errors that views share, then the evidence.
+
+A warp has two prior standard deviations, along the board and across it. The problem is linearised once and the process
+integrated out, so the evidence for any two of them costs one small Cholesky factor.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +19,16 @@ from pinholify.refinement.sharing import SharedError, shared_error
 from pinholify.refinement.solver import Solution
 from pinholify.refinement.spectral import LogDensity
 
-ALIKE = 0.01  # p-value: boards whose corners are off alike by chance are rarer
-WORTH = 6.0  # nats that a warp has to bring for its two sizes
-FIRST_STD = 3e-3  # squares
-STD_RANGE = (1e-5, 0.1)
-MOST_TRIALS, TOLERANCE = 60, 0.05
+MAX_P_VALUE = 0.01  # of the shared error, for the warp to be considered
+MIN_GAIN = 6.0  # nats by which a warp's two standard deviations must raise the evidence
+FIRST_STD = 3e-3  # where their search starts, squares
+STD_RANGE = (1e-5, 0.1)  # squares
+MAX_TRIALS, TOLERANCE = 60, 0.05  # of the search; in log standard deviation, and in nats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warp:
-    """A ``shape`` with a warp of the highest evidence, and by how many nats that exceeds the evidence without."""
+    """A ``shape`` with the warp of the highest evidence, and its ``gain`` in nats over the evidence without a warp."""
 
     shape: BoardShape
     gain: float
@@ -33,16 +37,16 @@ class Warp:
 def warp_of(
     solution: Solution, shape: BoardShape, seen: Observations, density: LogDensity, hyperparameters: Hyperparameters
 ) -> BoardShape | None:
-    """``shape`` with the warp that what ``solution`` leaves of the corners asks for; None where it asks for none.
+    """``shape`` with the warp that the residuals of ``solution`` indicate; None where they indicate none.
 
-    What the boards do not have in common is no warp, however well one would explain it: few boards' own errors, each
-    corner's taken for independent, can look like one.
+    Errors that views do not share are not taken for a warp, however well one would explain them: the errors of few
+    boards, with each corner's assumed independent, can look like one.
     """
-    if seen.boards < MANY_BOARDS or shared_by_boards(solution, seen).p_value > ALIKE:
+    if seen.boards < MANY_BOARDS or shared_by_boards(solution, seen).p_value > MAX_P_VALUE:
         return None
     state, model = solution.state, solution.model
     warped = shape.warped(FIRST_STD, FIRST_STD)
-    if not warped.has(WARP):  # a board of three corners
+    if not warped.has(WARP):  # a board of no more than three corners
         return None
     widened = replace(model, shape=warped)
     state = replace(state, eta=warped.carried(state.eta, model.shape))
@@ -51,18 +55,18 @@ def warp_of(
     precision = widened.trend_precision()
     problem = linearised(equations, seen.boards, state.globals, model.basis.frequencies, precision)
     warp = refitted(warped, problem, density, hyperparameters)
-    return warp.shape if warp.gain > WORTH else None
+    return warp.shape if warp.gain > MIN_GAIN else None
 
 
 def shared_by_boards(solution: Solution, seen: Observations) -> SharedError:
-    """What boards have in common of what ``solution`` leaves, in normalised image units."""
+    """The error that views share in the residuals of ``solution``, in normalised image units."""
     state, model, weight = solution.state, solution.model, seen.weight[:, None]
     by_shift = weight[:, :, None] * model.by_point(state, seen, solution.prediction)
     return shared_error(weight * solution.prediction.residual, by_shift, seen.corner, seen.view)
 
 
 def warp_rms(solution: Solution, seen: Observations) -> float:
-    """What the board's warp shifts its corners by in the image: rms an axis, normalised; 0 of a board without."""
+    """RMS per axis of the warp's shifts of corners in the image, normalised and weighted; 0 without a warp."""
     state, model = solution.state, solution.model
     shift = model.shape.warp(state.eta)[seen.corner] * seen.placed[:, None]
     moved = (model.by_point(state, seen, solution.prediction) @ shift[:, :, None])[:, :, 0] * seen.weight[:, None]
@@ -70,8 +74,11 @@ def warp_rms(solution: Solution, seen: Observations) -> float:
 
 
 def refitted(shape: BoardShape, problem: Linearised, density: LogDensity, hyperparameters: Hyperparameters) -> Warp:
-    """The ``shape``, the last of the unknowns of ``problem``, with its warp as large as the evidence has it."""
-    from scipy.optimize import minimize  # slow to load, and most boards need none
+    """The warped ``shape`` with the warp's standard deviations of highest evidence.
+
+    The parameters of ``shape`` are the last unknowns of ``problem``.
+    """
+    from scipy.optimize import minimize  # slow to load, and most boards have no warp
 
     averaged = process_averaged(problem, density, hyperparameters)
     first = len(averaged.theta) - len(shape.part)
@@ -83,7 +90,7 @@ def refitted(shape: BoardShape, problem: Linearised, density: LogDensity, hyperp
             precision[group] = np.exp(-2.0 * log)
         try:
             return -posterior(averaged, precision, hyperparameters.noise).log_evidence
-        except np.linalg.LinAlgError:  # too large for double precision: not a place to be
+        except np.linalg.LinAlgError:  # a warp too large for double precision
             return np.inf
 
     low, high = np.log(STD_RANGE)
@@ -95,7 +102,7 @@ def refitted(shape: BoardShape, problem: Linearised, density: LogDensity, hyperp
         bounds=[(low, high)] * 2,
         options={
             "initial_simplex": start + np.array([[0, 0], [1, 0], [0, 1]]),
-            "maxfev": MOST_TRIALS,
+            "maxfev": MAX_TRIALS,
             "xatol": TOLERANCE,
             "fatol": TOLERANCE,
         },
@@ -106,6 +113,6 @@ def refitted(shape: BoardShape, problem: Linearised, density: LogDensity, hyperp
 
 
 def _groups(shape: BoardShape) -> tuple[Bools, Bools]:
-    """Which parameters are a warp's shifts along the board, and which those across it."""
+    """Masks (S,) of the parameters that are a warp's shifts along the board, and of those across it."""
     warp = shape.part == WARP
     return warp & (shape.axis < 2), warp & (shape.axis == 2)

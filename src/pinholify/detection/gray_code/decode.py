@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter
 
 from pinholify.arrays import Bools, Floats
 from pinholify.board import Screen, size
-from pinholify.calibration.condensing import foretold
+from pinholify.calibration.condensing import predicted_by_neighbours
 from pinholify.corners import Corners, CornerSet, not_found
 from pinholify.detection.files import unique_names
 from pinholify.detection.gray_code.captures import capture_paths, read_captures
@@ -132,7 +132,7 @@ def without_strangers(view: Corners, screen: Screen, std: float) -> Corners:
     for _ in range(ROUNDS):
         if not len(view):
             break
-        uv, variance = foretold(view, screen, REACH)
+        uv, variance = predicted_by_neighbours(view, screen, REACH)
         predicted = np.isfinite(variance)
         if not predicted.all():
             view = view.select(predicted)

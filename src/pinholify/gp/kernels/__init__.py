@@ -23,9 +23,9 @@ KERNELS: dict[str, Callable[[], Kernel]] = {
 
 
 def kernel_named(name: str) -> Kernel:
-    """The kernel of unit scale that a user calls ``name``; raises InputError with the names there are."""
+    """The kernel of unit scale called ``name``; raises InputError, listing the known names, for any other."""
     if name not in KERNELS:
-        raise InputError(f"'{name}' is no kernel; the kernels are: {', '.join(KERNELS)}")
+        raise InputError(f"unknown kernel '{name}': choose one of {', '.join(KERNELS)}")
     return KERNELS[name]()
 
 

@@ -1,4 +1,4 @@
-"""What all covariance functions here share: they are stationary, so a kernel is one function of one number."""
+"""The base of all covariance functions: they are stationary, so a kernel is one function ρ of a scaled distance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pinholify.arrays import Floats
 class Kernel(ABC):
     """A stationary kernel σ² ρ(s), s = Σ_d ((x_d − x'_d)/l_d)², over inputs of any dimension.
 
-    ``std`` is σ. ``length_scale`` is l: a (1,) array for an isotropic kernel, (d,) for one scale a dimension
+    ``std`` is σ. ``length_scale`` is l: a (1,) array for an isotropic kernel, (d,) for one scale per dimension
     (automatic relevance determination). A subclass supplies :meth:`correlation_and_slope`; one with a further
     shape parameter extends :attr:`log_parameters`, :meth:`with_log_parameters` and :meth:`correlation_gradients`.
     """
@@ -25,11 +25,11 @@ class Kernel(ABC):
 
     @abstractmethod
     def correlation_and_slope(self, s: Floats) -> tuple[Floats, Floats]:
-        """ρ(s) and dρ/ds, elementwise; ρ(0) = 1."""
+        """ρ(s) and dρ/ds, elementwise for any shape of ``s``; ρ(0) = 1."""
 
     @property
     def log_parameters(self) -> Floats:
-        """Logarithms of all parameters: σ, then the length scales, then any of the subclass."""
+        """Logarithms of all parameters: σ, then the length scales, then those of the subclass."""
         return np.asarray(np.log(np.concatenate([[self.std], self.length_scale])))
 
     def with_log_parameters(self, log_parameters: Floats) -> Self:
@@ -38,7 +38,7 @@ class Kernel(ABC):
         return replace(self, std=float(values[0]), length_scale=values[1 : 1 + len(self.length_scale)])
 
     def squared_differences(self, x: Floats, x2: Floats) -> Floats:
-        """Unscaled squared differences a length scale: (len(length_scale), n, m)."""
+        """Unscaled squared differences of ``x`` (n, d) and ``x2`` (m, d) per length scale: (scales, n, m)."""
         squares = np.stack([np.subtract.outer(a, b) ** 2 for a, b in zip(x.T, x2.T, strict=True)])
         return squares.sum(axis=0, keepdims=True) if len(self.length_scale) == 1 else squares
 
@@ -69,5 +69,5 @@ class Kernel(ABC):
         return covariance, [2.0 * covariance, *by_scale, *(self.std**2 * g for g in self.correlation_gradients(s))]
 
     def correlation_gradients(self, s: Floats) -> list[Floats]:
-        """∂ρ/∂log of each parameter that the subclass adds."""
+        """∂ρ/∂log p at ``s`` (n, m) for each parameter p that the subclass adds: (n, m) each."""
         return []

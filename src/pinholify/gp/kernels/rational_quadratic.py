@@ -1,4 +1,4 @@
-"""The rational quadratic kernel: squared exponentials of many length scales mixed (Rasmussen & Williams, 4.19)."""
+"""The rational quadratic kernel: squared exponentials of many length scales, mixed (Rasmussen & Williams, 4.19)."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ class RationalQuadratic(Kernel):
 
     @property
     def log_parameters(self) -> Floats:
-        """log of σ, the length scales, α."""
+        """Logarithms of σ, the length scales and α."""
         return np.asarray(np.log(np.concatenate([[self.std], self.length_scale, [self.alpha]])))
 
     def with_log_parameters(self, log_parameters: Floats) -> Self:
-        """The same kernel with other parameters."""
+        """The same kernel with other parameters, in the order of :attr:`log_parameters`."""
         values = np.exp(log_parameters)
         return replace(self, std=float(values[0]), length_scale=values[1:-1], alpha=float(values[-1]))
 
     def correlation_gradients(self, s: Floats) -> list[Floats]:
-        """∂ρ/∂log α."""
+        """∂ρ/∂log α at ``s`` (n, m): one array (n, m)."""
         base = 1.0 + s / (2.0 * self.alpha)
         return [self.correlation_and_slope(s)[0] * (s / (2.0 * base) - self.alpha * np.log(base))]

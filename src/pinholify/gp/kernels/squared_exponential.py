@@ -1,4 +1,4 @@
-"""The squared exponential kernel, the paper's (its equation for k_SE): infinitely smooth functions."""
+"""The squared exponential kernel, which the paper uses (its equation for k_SE): infinitely smooth functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parametric trends of a map of the plane, by the name a user gives. A new family is one file and one line here."""
+"""Parametric trends of a map of the plane, by the names that users give. A new family is one file and one line here."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ TRENDS: dict[str, tuple[Callable[[int], Trend], tuple[int, ...]]] = {
     "lens": (Lens, (1, 2, 3, 4, 5, 6)),
     "polynomial": (Polynomial, (3, 5)),
 }
-"""Family → its constructor by order, and the orders tried when none is named."""
+"""Family → its constructor by order, and the orders tried where none is given."""
 
 
 def trends_named(name: str) -> list[Trend]:
-    """The trends to try for ``name``: ``auto`` all, ``lens`` the family's orders, ``lens:3`` exactly that one.
+    """The trends to try for ``name``: all for ``auto``, a family's orders for ``lens``, exactly one for ``lens:3``.
 
-    Raises InputError with the names there are.
+    Raises InputError, listing the known names, for any other.
     """
     if name == "auto":
         return [build(order) for build, orders in TRENDS.values() for order in orders]
     family, colon, order = name.partition(":")
     if family not in TRENDS or (colon and not (order.isdigit() and 1 <= int(order) <= 9)):
         raise InputError(
-            f"'{name}' is no trend; the trends are: auto, constant, {', '.join(TRENDS)}, "
-            "and an order from 1 to 9 may follow lens or polynomial, as in lens:3"
+            f"unknown trend '{name}': choose one of auto, constant, {', '.join(TRENDS)}; "
+            "an order from 1 to 9 may follow lens or polynomial, as in lens:3"
         )
     build, orders = TRENDS[family]
     return [build(n) for n in ([int(order)] if colon else orders)]

@@ -2,7 +2,7 @@
 
 h(x) = H · d (1 + k₁ r² + … + k_n r²ⁿ),  d = x − c,  r² = d_u²/ρ + ρ d_v².
 
-Dividing r² by ρ keeps r of order one whatever ρ is, so that one prior fits all radial coefficients.
+The factors 1/ρ and ρ have product one, so r is of order one whatever ρ is, and one prior fits all radial coefficients.
 """
 
 from __future__ import annotations
@@ -17,46 +17,46 @@ from pinholify.gp.trends.homography import PARAMETERS, Homography, matrix
 
 CENTRE_STD = 0.3
 LOG_RATIO_STD = 0.3
-RADIAL_STD = 0.5  # of k₁; each further order is thought half as large as the one before
+RADIAL_STD = 0.5  # of k₁; that of each further order is half as large as the one before
 
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """The lens-like trend with ``order`` radial coefficients; β = (H: 8, c: 2, log ρ, k₁ … k_n)."""
+    """The lens-like trend with ``order`` radial coefficients; β (p,) = (H: 8, c: 2, log ρ, k₁ … k_n)."""
 
     order: int
 
     @property
     def name(self) -> str:
-        """``lens:order``."""
+        """The registry's name, such as ``lens:3``."""
         return f"lens:{self.order}"
 
     @property
     def prior_mean(self) -> Floats:
-        """No distortion, the centre at the origin, a round lens."""
+        """Mean (p,) of β under the prior: zero, i.e. no distortion, the centre at the origin and a round lens."""
         return np.zeros(PARAMETERS + 3 + self.order)
 
     @property
     def prior_std(self) -> Floats:
-        """Weak, and weaker for high orders: lens series converge, and a needless order should cost little."""
+        """Standard deviations (p,) of β, smaller for high orders: the series of a lens converges."""
         radial = [RADIAL_STD * 0.5**j for j in range(self.order)]
         return np.concatenate([Homography().prior_std, [CENTRE_STD, CENTRE_STD, LOG_RATIO_STD], radial])
 
     def start(self, x: Floats, y: Floats) -> Floats:
-        """The least-squares homography and no distortion."""
+        """The β (p,) of the least-squares homography from ``x`` to ``y``, both (n, 2), without distortion."""
         return np.concatenate([Homography().start(x, y), np.zeros(3 + self.order)])
 
     def value(self, beta: Floats, x: Floats) -> Floats:
-        """h(x; β)."""
+        """h(x; β) at ``x`` (n, 2): (n, 2)."""
         return apply_homography(matrix(beta[:PARAMETERS]), self._radial(beta, x)[0])
 
     def input_jacobian(self, beta: Floats, x: Floats) -> Floats:
-        """∂h/∂x."""
+        """∂h/∂x at ``x`` (n, 2): (n, 2, 2)."""
         p, jacobian, _ = self._radial(beta, x)
         return np.asarray(homography_jacobian(matrix(beta[:PARAMETERS]), p) @ jacobian)
 
     def parameter_jacobian(self, beta: Floats, x: Floats) -> Floats:
-        """∂h/∂β."""
+        """∂h/∂β at ``x`` (n, 2): (n, 2, p)."""
         h = matrix(beta[:PARAMETERS])
         p, by_input, by_shape = self._radial(beta, x)
         by_p = homography_jacobian(h, p)

@@ -1,4 +1,7 @@
-"""Trends of the joint solve by the name a user gives. A new family is one file and one line here."""
+"""Trends of the joint solve: parametric cameras, by the names that users give.
+
+A new family is one file and one line here.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +20,16 @@ FAMILIES: dict[str, Callable[[int | None], list[Search]]] = {
     "angle-d": partial(lens_searches, Angles(), True),
     "polynomial": polynomial_searches,
 }
-"""Family → its searches, of all orders or of a given one."""
+"""Family → a function of the order that returns its searches; None stands for all orders."""
 
 LAST_RESORT = ("polynomial",)
-"""Families that are solved only where no other suffices without the process."""
+"""Families that are tried only where no trend of the others suffices without the process."""
 
 
 def searches_named(name: str) -> list[list[Search]]:
-    """The searches for ``name``, those of last resort apart: ``auto`` all, ``plane`` a family's, ``plane:3``
-    one order's.
+    """The searches for ``name`` in stages: all families for ``auto``, one for ``plane``, one order for ``plane:3``.
 
-    Raises InputError with the names there are.
+    Families of last resort are a stage of their own. Raises InputError, listing the known names, for any other name.
     """
     if name == "auto":
         first = [search for family, build in FAMILIES.items() if family not in LAST_RESORT for search in build(None)]
@@ -35,8 +37,8 @@ def searches_named(name: str) -> list[list[Search]]:
     family, colon, order = name.partition(":")
     if family not in FAMILIES or (colon and not (order.isdigit() and int(order) <= 9)):
         raise InputError(
-            f"'{name}' is no trend of the joint refinement; they are: auto, {', '.join(FAMILIES)}, "
-            "and an order up to 9 may follow, as in plane:3"
+            f"the joint refinement has no trend '{name}': choose one of auto, {', '.join(FAMILIES)}; "
+            "an order up to 9 may follow, as in plane:3"
         )
     return [FAMILIES[family](int(order) if colon else None)]
 

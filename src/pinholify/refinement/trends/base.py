@@ -1,6 +1,7 @@
-"""What a trend of the joint solve is: a parametric camera between rays and normalised image coordinates.
+"""The interface of trends of the joint solve: parametric cameras between rays and normalised image coordinates.
 
-A ray enters by two chart coordinates c, on the plane z = 1 or as azimuthal equidistant angles.
+A ray is given by two chart coordinates c: its point on the plane z = 1, or its azimuthal equidistant angles. Rays are
+in the axes of the joint solve, image points in those of :class:`~pinholify.refinement.observations.ImageFrame`.
 """
 
 from __future__ import annotations
@@ -18,81 +19,81 @@ from pinholify.charts import (
     directions_to_angles_jacobian,
 )
 
-NEAREST_TO_PLANE = 0.05  # cosine of the largest angle from the axis that the plane is trusted with
+MIN_PLANE_COSINE = 0.05  # of the angle from the axis: rays farther out have no coordinates on the plane
 
 
 class RayChart(Protocol):
-    """Two coordinates of a ray."""
+    """Two coordinates c of a ray."""
 
     def coordinates(self, xyz: Floats) -> Floats:
-        """c (n, 2) of rays through ``xyz`` (n, 3), nan where the chart does not reach."""
+        """Coordinates (n, 2) of the rays through ``xyz`` (n, 3), nan where the chart does not reach."""
         ...
 
     def coordinate_jacobian(self, xyz: Floats) -> Floats:
-        """∂c/∂xyz, (n, 2, 3)."""
+        """∂c/∂xyz at ``xyz`` (n, 3): (n, 2, 3)."""
         ...
 
     def directions(self, c: Floats) -> Floats:
-        """Directions (n, 3) of ``c`` (n, 2), of any length."""
+        """Directions (n, 3), of any length, of coordinates ``c`` (n, 2)."""
         ...
 
     def direction_jacobian(self, c: Floats) -> Floats:
-        """∂ directions/∂c, (n, 3, 2)."""
+        """∂direction/∂c at ``c`` (n, 2): (n, 3, 2)."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """c = (x/z, y/z)."""
+    """The chart c = (x/z, y/z), for rays in front of the camera."""
 
     def coordinates(self, xyz: Floats) -> Floats:
-        """c."""
-        reached = xyz[:, 2] > NEAREST_TO_PLANE * np.linalg.norm(xyz, axis=1)
+        """Coordinates (n, 2) of the rays through ``xyz`` (n, 3), nan towards and beyond 90° from the axis."""
+        reached = xyz[:, 2] > MIN_PLANE_COSINE * np.linalg.norm(xyz, axis=1)
         return np.asarray(xyz[:, :2] / np.where(reached, xyz[:, 2], np.nan)[:, None])
 
     def coordinate_jacobian(self, xyz: Floats) -> Floats:
-        """∂c/∂xyz."""
+        """∂c/∂xyz at ``xyz`` (n, 3): (n, 2, 3)."""
         jacobian = np.zeros((len(xyz), 2, 3))
         jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0 / xyz[:, 2]
         jacobian[:, :, 2] = -xyz[:, :2] / xyz[:, 2:] ** 2
         return jacobian
 
     def directions(self, c: Floats) -> Floats:
-        """(c, 1)."""
+        """Directions (n, 3) with z = 1 of coordinates ``c`` (n, 2)."""
         return np.concatenate([c, np.ones((len(c), 1))], axis=1)
 
     def direction_jacobian(self, c: Floats) -> Floats:
-        """Constant."""
+        """∂direction/∂c at ``c`` (n, 2): (n, 3, 2), the same everywhere."""
         return np.broadcast_to(np.eye(3)[:, :2], (len(c), 3, 2))
 
 
 @dataclass(frozen=True, slots=True)
 class Angles:
-    """c = θ (cos φ, sin φ)."""
+    """The chart c = θ (cos φ, sin φ) in radians, with θ the angle from the axis and φ the azimuth, for all rays."""
 
     def coordinates(self, xyz: Floats) -> Floats:
-        """c."""
+        """Angles (n, 2) of the rays through ``xyz`` (n, 3)."""
         return directions_to_angles(xyz)
 
     def coordinate_jacobian(self, xyz: Floats) -> Floats:
-        """∂c/∂xyz."""
+        """∂c/∂xyz at ``xyz`` (n, 3): (n, 2, 3)."""
         return directions_to_angles_jacobian(xyz)
 
     def directions(self, c: Floats) -> Floats:
-        """Unit directions."""
+        """Unit directions (n, 3) of angles ``c`` (n, 2)."""
         return angles_to_directions(c)
 
     def direction_jacobian(self, c: Floats) -> Floats:
-        """∂ directions/∂c."""
+        """∂direction/∂c at ``c`` (n, 2): (n, 3, 2)."""
         return angles_to_directions_jacobian(c)
 
 
 class Trend(Protocol):
-    """A family of cameras with parameters β (p,), each with an independent normal prior."""
+    """A family of cameras with parameters β (p,), whose independent normal priors have mean zero."""
 
     @property
     def name(self) -> str:
-        """The name :func:`trends_named` reads back."""
+        """The trend's name in reports, which starts with family and order, as in ``plane:3``."""
         ...
 
     @property
@@ -102,73 +103,72 @@ class Trend(Protocol):
 
     @property
     def chart(self) -> RayChart:
-        """Where c lives."""
+        """The chart of the ray coordinates c."""
         ...
 
     @property
     def order(self) -> int:
-        """How many radial coefficients, or which degree."""
+        """The number of radial coefficients, or the degree of a polynomial."""
         ...
 
     def of_order(self, order: int) -> Trend:
-        """The same family with another order."""
+        """The same trend with another order."""
         ...
 
     def around(self) -> Search:
-        """A search of the trends next to this one, for a second and closer look."""
+        """A search of the trends similar to this one, for a second and closer look."""
         ...
 
     def kept(self, smaller: Trend) -> Bools:
-        """Which of β (p,) a ``smaller`` trend has too; it is this trend with the others at zero."""
+        """Mask (p,) of the β that the ``smaller`` trend has too; it is this trend with the others at zero."""
         ...
 
     @property
     def level(self) -> bool:
-        """Whether the ray of the image's middle is c = 0 and the camera has no roll there, by definition."""
+        """Whether, by definition, the ray of the image's middle is c = 0 and the camera has no roll there."""
         ...
 
     @property
     def searches(self) -> bool:
-        """Whether :meth:`image` needs to know what is near."""
+        """Whether :meth:`image` is iterative and needs points ``near`` its result."""
         ...
 
     @property
     def prior_std(self) -> Floats:
-        """Standard deviations of β under the prior, whose mean is zero, (p,)."""
+        """Standard deviations (p,) of β under the prior."""
         ...
 
     def start(self, w: Floats, c: Floats) -> Floats:
-        """A first β, linear, for the rays ``c`` (n, 2) seen at ``w`` (n, 2)."""
+        """A first β (p,), by linear estimates, for the rays ``c`` (n, 2) seen at ``w`` (n, 2)."""
         ...
 
     def resembling(self, other: Trend, beta: Floats) -> Floats | None:
-        """The numbers that this trend shares with ``other`` as that has them in its ``beta``, the rest zero; None where
-        the linear start is as good.
+        """This trend's β (p,) with the values that ``other`` has for shared parameters in its ``beta``, the rest zero.
+
+        None where the two share no parameters, or where :meth:`start` is as good.
         """
         ...
 
     def image(self, beta: Floats, c: Floats, near: Floats) -> Floats:
-        """w (n, 2) of rays ``c`` (n, 2), in the neighbourhood of ``near`` (n, 2); nan where there is none."""
+        """Image points w (n, 2) of rays ``c`` (n, 2), close to ``near`` (n, 2); nan where there is none."""
         ...
 
     def ray(self, beta: Floats, w: Floats) -> Floats:
-        """c (n, 2) of image points ``w`` (n, 2); nan where there is none."""
+        """Ray coordinates c (n, 2) of image points ``w`` (n, 2); nan where there is none."""
         ...
 
     def jacobians(self, beta: Floats, w: Floats, c: Floats) -> tuple[Floats, Floats]:
-        """∂w/∂c (n, 2, 2) and ∂w/∂β at fixed c (n, 2, p), for pairs that belong together."""
+        """∂w/∂c (n, 2, 2), and ∂w/∂β at fixed c (n, 2, p), where ``w`` and ``c`` (n, 2) correspond."""
         ...
 
     def folds(self, beta: Floats, points: Floats) -> bool:
-        """Whether the trend is not one to one on an area of the image that holds ``points`` (n, 2)."""
+        """Whether the trend fails to be one to one on the part of the image that ``points`` (n, 2) cover."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """A trend to solve, and the trends ``within`` it, itself among them, that follow from it by linear
-    algebra.
-    """
+    """A ``general`` trend to solve, and the trends ``within`` it, itself included, that follow by linear algebra."""
 
     general: Trend
     within: tuple[Trend, ...]

@@ -1,4 +1,4 @@
-"""A trend fitted to known rays: what starts the joint solve of that trend."""
+"""A trend fitted to known rays: the start of that trend's joint solve."""
 
 from __future__ import annotations
 
@@ -10,48 +10,50 @@ from pinholify.charts import angles_to_directions, directions_to_angles
 from pinholify.geometry import rotation_about_z, rotation_to_z
 from pinholify.refinement.trends.base import Trend
 
-STEPS = 25
-ENOUGH = 400  # rays that tell a start as well as many more
+MAX_STEPS = 25
+FIRST_DAMPING, DAMPING_FACTOR = 1e-4, 10.0  # of Levenberg-Marquardt
+RELATIVE_TOLERANCE = 1e-3  # decrease of the objective, relative to it, that ends the fit
+FITTED_RAYS = 400  # about as many suffice for a start
 ROUGH_NOISE = 1e-3  # normalised image units: what the priors are weighed against
-LOOSE = 0.1  # of a prior: what holds a solve back keeps a start from where it should be
+MIN_PRIOR_STD = 0.1  # a tighter prior, good for a solve, would hold a start back
 
 
 def fit_trend(trend: Trend, w: Floats, xyz: Floats, near: Floats | None = None) -> Floats | None:
-    """β by least squares in the image for rays ``xyz`` (n, 3) seen at ``w`` (n, 2), Levenberg-Marquardt.
+    """The β (p,) of least squares in the image for rays ``xyz`` (n, 3) seen at ``w`` (n, 2), by Levenberg-Marquardt.
 
-    Starts from ``near``, where that is given and better than the trend's own start: a strong lens has other minima,
-    far from the right one. Rays that the chart does not reach are left out; None where fewer than half remain, or where
-    the trend cannot start.
+    The fit starts from ``near`` (p,) where that is given and better than the trend's own start: a strong lens has
+    other minima, far from the right one. Rays that the chart does not reach are left out. None where fewer than half
+    remain, or where the objective is not finite at the start.
     """
     c = trend.chart.coordinates(xyz)
     reached = np.isfinite(c).all(axis=1)
     if 2 * reached.sum() < len(c):
         return None
-    some = np.flatnonzero(reached)[:: max(1, int(reached.sum()) // ENOUGH)]
+    some = np.flatnonzero(reached)[:: max(1, int(reached.sum()) // FITTED_RAYS)]
     c, w = c[some], w[some]
-    precision, damping = (ROUGH_NOISE / np.maximum(trend.prior_std, LOOSE)) ** 2, 1e-4
+    precision, damping = (ROUGH_NOISE / np.maximum(trend.prior_std, MIN_PRIOR_STD)) ** 2, FIRST_DAMPING
     starts = [start for start in (trend.start(w, c), near) if start is not None]
     tried = [(start, *_objective(trend, start, w, c, precision)) for start in starts]
     beta, at, value = min(tried, key=lambda each: each[2])
     if not np.isfinite(value):
         return None
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         step = _step(trend, beta, w, c, at, precision, damping)
         trial_at, trial = _objective(trend, beta + step, w, c, precision)
         if not trial <= value:
-            damping *= 10.0
+            damping *= DAMPING_FACTOR
             continue
         gain, beta, at, value = value - trial, beta + step, trial_at, trial
-        damping /= 10.0
-        if gain < 1e-3 * value:
+        damping /= DAMPING_FACTOR
+        if gain < RELATIVE_TOLERANCE * value:
             break
     return beta
 
 
 def levelling_rotation(w: Floats, xyz: Floats) -> Floats:
-    """The rotation (3, 3) after which the image's middle looks along z and the image has no roll there.
+    """The rotation (3, 3) of rays after which the image's middle looks along z and the image has no roll there.
 
-    From rays ``xyz`` (n, 3) seen at ``w`` (n, 2), by a quintic through their angles.
+    It is found from rays ``xyz`` (n, 3) seen at ``w`` (n, 2), by a polynomial of degree 5 fitted to their angles.
     """
     powers = np.array([(j, k) for j in range(6) for k in range(6 - j)])
     monomials = w[:, :1] ** powers[:, 0] * w[:, 1:] ** powers[:, 1]

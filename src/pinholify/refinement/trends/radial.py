@@ -1,22 +1,22 @@
 """Lens-like trends: radial about a free centre, on the plane or in angles.
 
-With R(d) = d T(κ r²) (1 + k₁ r² + … + k_n r²ⁿ) + 2 (p·d) d + |d|² (p + q), r² = d_u²/ρ + ρ d_v², two directions of
-the same idea:
+With R(d) = d T(κ r²) (1 + k₁ r² + … + k_n r²ⁿ) + 2 (p·d) d + |d|² (p + q) and r² = d_u²/ρ + ρ d_v², a trend has one of
+two directions:
 
-- undistorting: c = A R(w − w₀) + b, what an effect on the image needs, exact for none and good for all;
-- distorting: w = w₀ + R(A (c − b)), the way of Brown's and of Kannala and Brandt's models.
+- undistorting: c = A R(w − w₀) + b, rays as a function of the image, which approximates all lenses well;
+- distorting: w = w₀ + R(A (c − b)), the direction of Brown's and of Kannala and Brandt's models.
 
-T(z) = tan(√z)/√z, continued by tanh(√−z)/√−z, is the radial law of one number that is exact for perspective
-and stereographic lenses in angles, and for the field-of-view model (Devernay & Faugeras 2001) on the plane.
+T(z) = tan(√z)/√z, continued by tanh(√−z)/√−z, is a radial law with one parameter that is exact for perspective and
+stereographic lenses in angles, and for the field-of-view model (Devernay & Faugeras 2001) on the plane.
 
 p is Brown's decentring (1966), of elements that do not share an axis, and q a thin prism; to first order q = −p is a
 sensor that is tilted against the lens.
 
-A = a (1 + s₁, s₂; s₂, 1 − s₁) is symmetric: its antisymmetric part is a roll of the camera, which the boards'
-poses hold already. In angles b = 0 for the same reason; on the plane b is the distortion centre's distance
-from the perpendicular axis, which a sensor has that is tilted against its lens. Most cameras have square
-pixels (s = 0), round and centred lenses (ρ = 1, p = q = 0), no tilt, and no need of κ: the evidence may say so, and
-every number less is a better-known camera.
+A = a (1 + s₁, s₂; s₂, 1 − s₁) is symmetric: its antisymmetric part would be a roll of the camera, which the boards'
+poses represent already. In angles b = 0 for the same reason; on the plane b is the offset of the distortion centre from
+the perpendicular axis, as of a sensor that is tilted against its lens. Most cameras have square pixels (s = 0), round
+and centred lenses (ρ = 1, p = q = 0), no tilt, and need no κ. The evidence decides which of these parameters are free:
+each one that is not makes the camera better known.
 """
 
 from __future__ import annotations
@@ -31,30 +31,33 @@ from pinholify.arrays import Bools, Floats
 from pinholify.geometry import inverse_2x2, inverse_of_parts
 from pinholify.refinement.trends.base import Angles, Plane, RayChart, Search, Trend
 
+# standard deviations of the priors
 MATRIX_STD = 10.0
-ANISOTROPY_STD = 0.001  # pixels are nearly square: what is more has to be told by many corners
+ANISOTROPY_STD = 0.001  # pixels are nearly square: only many corners together can show otherwise
 CENTRE_STD = 0.3
 OFFSET_STD = 0.5
 LOG_RATIO_STD = 0.5
 TANGENT_STD = 1.0
 RADIAL_STD = 1.0
 BEND_STD = 0.03  # of p and q
-OFF_CENTRE = 0.5  # of the variance of corners, left by rays that grow from the image's middle
-SERIES = 1e-3  # |z| below which T is its series
-POLE = (np.pi / 2) ** 2
-TABLE = np.linspace(0.0, 4.0, 401)  # radii of the table from which the radial inverse starts
-NEWTON_STEPS = 3
-BEND_STEPS, BEND_TOLERANCE = 10, 1e-13
-HIGHEST, HIGHEST_TANGENT = 6, 1  # radial coefficients
+
+OFF_CENTRE_SHARE = 0.5  # of the corners' variance; if rays about the image's middle leave more, the centre is elsewhere
+SERIES_LIMIT = 1e-3  # |z| below which T is computed by its series
+TANGENT_POLE = (np.pi / 2) ** 2  # the z where T ends
+RADIUS_TABLE = np.linspace(0.0, 4.0, 401)  # radii, in half diagonals, of the table from which the radial inverse starts
+NEWTON_STEPS = 3  # of the radial inverse, from the table
+BEND_STEPS, BEND_TOLERANCE = 10, 1e-13  # of the inverse with decentring or prism
+INVERSE_ERROR = 1e-10  # largest error of an inverse that has converged
+MAX_ORDER, MAX_TANGENT_ORDER = 6, 1  # numbers of radial coefficients, without and with κ
 
 
 def tangent_law(kappa: float, r2: Floats) -> tuple[Floats, Floats]:
-    """T(κ r²) and dT/dz there, elementwise; nan from the pole of the tangent on."""
+    """T(z) and dT/dz at z = κ r², elementwise for ``r2``; nan from the pole of the tangent on."""
     z = kappa * r2
-    near = np.abs(z) < SERIES
+    near = np.abs(z) < SERIES_LIMIT
     far = np.where(near, 1.0 if kappa >= 0 else -1.0, z)
     if kappa >= 0:
-        root = np.sqrt(np.where(far < POLE, far, np.nan))
+        root = np.sqrt(np.where(far < TANGENT_POLE, far, np.nan))
         value = np.tan(root) / root
     else:
         root = np.sqrt(-far)
@@ -67,7 +70,7 @@ def tangent_law(kappa: float, r2: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Radial:
-    """R(d) with ``log_ratio`` log ρ, ``kappa`` κ, coefficients ``k`` (n,), ``decentring`` p and ``prism`` q, (2,)."""
+    """The map R with ``log_ratio`` log ρ, ``kappa`` κ, ``k`` (n,), ``decentring`` p and ``prism`` q, both (2,)."""
 
     log_ratio: float
     kappa: float
@@ -77,15 +80,15 @@ class Radial:
 
     @property
     def axes(self) -> Floats:
-        """(1/ρ, ρ)."""
+        """The factors (1/ρ, ρ) of the squared coordinates."""
         return np.asarray(np.exp([-self.log_ratio, self.log_ratio]))
 
     def gain(self, r2: Floats) -> Floats:
-        """T(κ r²) (1 + Σ k r²ⁱ), elementwise; nan beyond T's pole."""
+        """The radial factor T(κ r²) (1 + Σ k r²ⁱ), elementwise for ``r2``; nan beyond the pole of T."""
         return self.gain_and_slope(r2)[0]
 
     def gain_and_slope(self, r2: Floats) -> tuple[Floats, Floats]:
-        """The gain and its derivative by r², elementwise."""
+        """:meth:`gain` and its derivative by r², elementwise."""
         polynomial, slope = self._polynomial(r2)
         if not self.kappa:
             return polynomial, slope
@@ -93,7 +96,7 @@ class Radial:
         return law * polynomial, law * slope + self.kappa * law_slope * polynomial
 
     def _polynomial(self, r2: Floats) -> tuple[Floats, Floats]:
-        """1 + Σ k r²ⁱ and its derivative by r², by Horner's rule."""
+        """The polynomial 1 + Σ k r²ⁱ and its derivative by r², by Horner's rule."""
         value: Floats = np.zeros_like(r2)
         slope: Floats = value
         for coefficient in self.k[::-1]:
@@ -102,12 +105,12 @@ class Radial:
         return 1.0 + value * r2, slope * r2 + value
 
     def value(self, d: Floats) -> Floats:
-        """R(d), (n, 2)."""
+        """R at ``d`` (n, 2): (n, 2)."""
         along = self.gain(d**2 @ self.axes) + 2.0 * (d @ self.decentring)
         return np.asarray(d * along[:, None] + (d**2).sum(axis=1)[:, None] * (self.decentring + self.prism))
 
     def jacobian(self, d: Floats) -> Floats:
-        """∂R/∂d, (n, 2, 2)."""
+        """∂R/∂d at ``d`` (n, 2): (n, 2, 2)."""
         return self.jacobian_parts(d.T).transpose(2, 0, 1)
 
     def jacobian_parts(self, d: Floats) -> Floats:
@@ -121,8 +124,9 @@ class Radial:
         return np.asarray(jacobian)
 
     def shape_jacobian(self, d: Floats, *, bent: bool) -> Floats:
-        """∂R/∂(log ρ, κ, p, q, k) at ``d`` (2, n): (2, 6 + count of k, n); p's and q's are left at zero unless they are
-        asked for: ``bent``.
+        """∂R/∂(log ρ, κ, p, q, k) at ``d`` (2, n): (2, 6 + len(k), n).
+
+        The derivatives by p and q are computed only if ``bent``, and are zero otherwise.
         """
         squares = self.axes[:, None] * d**2
         r2 = squares.sum(axis=0)
@@ -143,13 +147,13 @@ class Radial:
         return jacobian
 
     def monotone_until(self) -> float:
-        """The radius up to which r · gain(r²) grows, at most the table's last."""
+        """The radius up to which r · gain(r²) grows, at most the last of the table."""
         with np.errstate(invalid="ignore"):
-            falling = np.flatnonzero(~(np.diff(TABLE * self.gain(TABLE**2)) > 0))
-        return float(TABLE[falling[0]] if len(falling) else TABLE[-1])
+            falling = np.flatnonzero(~(np.diff(RADIUS_TABLE * self.gain(RADIUS_TABLE**2)) > 0))
+        return float(RADIUS_TABLE[falling[0]] if len(falling) else RADIUS_TABLE[-1])
 
     def inverse(self, m: Floats) -> Floats:
-        """The d with R(d) = ``m`` (n, 2) on the branch around zero; nan beyond it."""
+        """The d (n, 2) with R(d) = ``m`` (n, 2) on the branch around zero; nan beyond it."""
         d = self._radial_inverse(m)
         if not (self.decentring.any() or self.prism.any()):
             return d
@@ -159,12 +163,12 @@ class Radial:
                 if not np.nanmax(np.abs(error), initial=0.0) > BEND_TOLERANCE:
                     break
                 d = d + (inverse_2x2(self.jacobian(d)) @ error[:, :, None])[:, :, 0]
-            return np.where(np.abs(m - self.value(d)).max(axis=1, keepdims=True) < 1e-10, d, np.nan)
+            return np.where(np.abs(m - self.value(d)).max(axis=1, keepdims=True) < INVERSE_ERROR, d, np.nan)
 
     def _radial_inverse(self, m: Floats) -> Floats:
         target = np.sqrt(m**2 @ self.axes)
-        last = np.searchsorted(TABLE, self.monotone_until(), side="right")
-        radii = TABLE[: max(int(last), 2)]
+        last = np.searchsorted(RADIUS_TABLE, self.monotone_until(), side="right")
+        radii = RADIUS_TABLE[: max(int(last), 2)]
         reached = radii * self.gain(radii**2)
         r = np.interp(target, reached, radii)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -172,13 +176,13 @@ class Radial:
                 gain, slope = self.gain_and_slope(r**2)
                 r = r - (r * gain - target) / (gain + 2.0 * r**2 * slope)
             gain = self.gain(r**2)
-            valid = (target <= reached[-1]) & (np.abs(r * gain - target) < 1e-10)
+            valid = (target <= reached[-1]) & (np.abs(r * gain - target) < INVERSE_ERROR)
             return np.asarray(m * np.where(valid, 1.0 / gain, np.nan)[:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """The parameters β by their meaning."""
+    """The parameters β by name: ``scale`` a, ``shape`` A/a (2, 2), ``centre`` w₀, ``offset`` b, and ``radial`` R."""
 
     scale: float
     shape: Floats
@@ -188,7 +192,7 @@ class Parts:
 
     @property
     def matrix(self) -> Floats:
-        """A (2, 2)."""
+        """The matrix A (2, 2)."""
         return self.scale * self.shape
 
     def matrix_columns(self, m: Floats) -> Floats:
@@ -197,8 +201,9 @@ class Parts:
 
 
 def _products(matrices: Floats, columns: Floats) -> Floats:
-    """``matrices`` (2, 2, n) times ``columns`` (2, p, n): (2, p, n). Point after point in memory this takes far less
-    time than a product for each point.
+    """``matrices`` (2, 2, n) times ``columns`` (2, p, n): (2, p, n).
+
+    With the points along the last axis this is far faster than a matrix product per point.
     """
     products: Floats = matrices[:, 0, None] * columns[0]
     products += matrices[:, 1, None] * columns[1]
@@ -206,17 +211,16 @@ def _products(matrices: Floats, columns: Floats) -> Floats:
 
 
 def _scale(w: Floats, c: Floats, distorting: bool) -> float:
-    """The factor from rays ``c`` to the image ``w``, or from there to rays, by least squares."""
+    """The factor from rays ``c`` to image points ``w``, both (n, 2), or from these to rays, by least squares."""
     return float((w * c).sum() / ((c**2).sum() if distorting else (w**2).sum()))
 
 
 @dataclass(frozen=True, slots=True)
 class LensTrend:
-    """Either direction, on either chart, with ``order`` radial coefficients, and with or without the other
-    numbers.
+    """A lens-like trend on ``chart``, ``distorting`` or undistorting, with ``order`` radial coefficients.
 
-    β = (a, s₁ s₂ where ``anisotropic``, w₀, b where ``tilted``, log ρ where ``elliptic``, κ where
-    ``tangent``, p where ``decentred``, q where ``prismatic``, k₁ … k_n).
+    The flags say which other parameters it has: β (p,) = (a, s₁ s₂ if ``anisotropic``, w₀, b if ``tilted`` and on the
+    plane, log ρ if ``elliptic``, κ if ``tangent``, p if ``decentred``, q if ``prismatic``, k₁ … k_n).
     """
 
     chart: RayChart
@@ -231,8 +235,9 @@ class LensTrend:
 
     @property
     def name(self) -> str:
-        """``plane:3`` with the letters of what it has: s for s₁ and s₂, b, r for ρ, t for κ, p, q, as in
-        ``plane-d:2+rt``.
+        """Family, order and letters for the other parameters, as in ``plane-d:2+rt``.
+
+        The letters are s for s₁ and s₂, b, r for ρ, t for κ, p and q.
         """
         flags = (self.anisotropic, self._has_offset, self.elliptic, self.tangent, self.decentred, self.prismatic)
         letters = "".join(letter for letter, has in zip("sbrtpq", flags, strict=True) if has)
@@ -249,20 +254,18 @@ class LensTrend:
 
     @property
     def _bends(self) -> bool:
-        """Whether there is a radial law, about a centre and with axes."""
+        """Whether there is a radial law; without one a centre and axes of it mean nothing."""
         return self.tangent or self.order > 0
 
     @property
     def _free(self) -> Bools:
-        """Which of the full family's parameters are β."""
+        """Mask of the full family's parameters that this trend has."""
         flags = [(True, 1), (self.anisotropic, 2), (True, 2), (self._has_offset, 2), (self.elliptic, 1)]
         flags += [(self.tangent, 1), (self.decentred, 2), (self.prismatic, 2), (True, self.order)]
         return np.repeat(*np.array(flags).T).astype(bool)
 
     def variants(self) -> Iterator[LensTrend]:
-        """Itself and all with fewer of the other numbers, of the same order and radial law; no two say the
-        same.
-        """
+        """This trend and those with fewer of the other parameters, of the same order and law, without duplicates."""
         tilted, elliptic = self._has_offset and self._bends, self.elliptic and self._bends
         general = self.anisotropic, tilted, elliptic, self.decentred, self.prismatic
         for s, b, r, p, q in product(*((True, False) if has else (False,) for has in general)):
@@ -270,8 +273,8 @@ class LensTrend:
                 yield replace(self, anisotropic=s, tilted=b, elliptic=r, decentred=p, prismatic=q)
 
     def around(self) -> Search:
-        """All that is as simple as this, or has one order or more of the other numbers that tell there."""
-        highest = HIGHEST_TANGENT if self.tangent else HIGHEST if self.order else 0
+        """A search of the trends of the next lower, the same and the next higher order, with any other parameters."""
+        highest = MAX_TANGENT_ORDER if self.tangent else MAX_ORDER if self.order else 0
         general = replace(
             self,
             order=max(self.order, min(self.order + 1, highest)),
@@ -285,33 +288,33 @@ class LensTrend:
         return Search(general, tuple(v for n in orders for v in general.of_order(n).variants()))
 
     def of_order(self, order: int) -> LensTrend:
-        """The same with ``order`` radial coefficients."""
+        """The same trend with ``order`` radial coefficients."""
         return replace(self, order=order)
 
     def kept(self, smaller: Trend) -> Bools:
-        """Which of β the ``smaller`` trend has too."""
+        """Mask (p,) of the β that the ``smaller`` trend has too."""
         assert isinstance(smaller, LensTrend)
         inside = np.append(smaller._free, np.zeros(self.order - smaller.order, dtype=bool))
         return np.asarray(inside[self._free])
 
     @property
     def level(self) -> bool:
-        """No: the centre is free."""
+        """False, because the centre is free."""
         return False
 
     @property
     def searches(self) -> bool:
-        """No: the radial branch around the centre is the one."""
+        """False: the inverse is the branch around the centre."""
         return False
 
     @property
     def prior_std(self) -> Floats:
-        """Weak everywhere."""
+        """Standard deviations (p,) of β: small for anisotropy, decentring and prism, and wide for the rest."""
         general = [MATRIX_STD, *[ANISOTROPY_STD] * 2, *[CENTRE_STD] * 2, *[OFFSET_STD] * 2, LOG_RATIO_STD, TANGENT_STD]
         return np.array(general + [BEND_STD] * 4 + [RADIAL_STD] * self.order)[self._free]
 
     def parts(self, beta: Floats) -> Parts:
-        """β (p,) taken apart."""
+        """``beta`` (p,) by name, with the parameters that this trend lacks at zero."""
         free = self._free
         full = np.zeros(len(free))
         full[free] = beta
@@ -321,22 +324,22 @@ class LensTrend:
         return Parts(a, shape, full[3:5], full[5:7], radial)
 
     def start(self, w: Floats, c: Floats) -> Floats:
-        """A scaled identity by least squares, no distortion, the centre in the image's middle.
+        """A β (p,) without distortion, the scale by least squares, the centre in the image's middle.
 
-        Where rays do not grow from there, as in a part of a larger image, the centre is where they do.
+        Where the rays ``c`` do not radiate from there, as in a part of a larger image, the centre is fitted too.
         """
         beta = np.zeros(len(self.prior_std))
         middle_w, middle_c = w.mean(axis=0), c.mean(axis=0)
         spread = w - middle_w
         beta[0] = _scale(w, c, self.distorting)
-        if ((w - _scale(w, c, True) * c) ** 2).sum() > OFF_CENTRE * (spread**2).sum():
+        if ((w - _scale(w, c, True) * c) ** 2).sum() > OFF_CENTRE_SHARE * (spread**2).sum():
             beta[0] = _scale(spread, c - middle_c, self.distorting)
             first = 3 if self.anisotropic else 1
             beta[first : first + 2] = middle_w - middle_c * (beta[0] if self.distorting else 1.0 / beta[0])
         return beta
 
     def resembling(self, other: Trend, beta: Floats) -> Floats | None:
-        """None for another chart or direction."""
+        """This trend's β (p,) with the values of ``other`` where it has them; None for another chart or direction."""
         if not isinstance(other, LensTrend) or other.family != self.family:
             return None
         full = np.zeros(max(len(self._free), len(other._free)))
@@ -344,21 +347,21 @@ class LensTrend:
         return full[: len(self._free)][self._free]
 
     def image(self, beta: Floats, c: Floats, near: Floats) -> Floats:
-        """w; ``near`` is not needed."""
+        """Image points w (n, 2) of rays ``c`` (n, 2), nan where there is none; ``near`` is not used."""
         p = self.parts(beta)
         if self.distorting:
             return p.radial.value((c - p.offset) @ p.matrix) + p.centre
         return p.radial.inverse((c - p.offset) @ np.linalg.inv(p.matrix)) + p.centre
 
     def ray(self, beta: Floats, w: Floats) -> Floats:
-        """c."""
+        """Ray coordinates c (n, 2) of image points ``w`` (n, 2); nan where there is none."""
         p = self.parts(beta)
         if self.distorting:
             return p.radial.inverse(w - p.centre) @ np.linalg.inv(p.matrix) + p.offset
         return p.radial.value(w - p.centre) @ p.matrix + p.offset
 
     def jacobians(self, beta: Floats, w: Floats, c: Floats) -> tuple[Floats, Floats]:
-        """∂w/∂c and ∂w/∂β."""
+        """∂w/∂c (n, 2, 2), and ∂w/∂β at fixed c (n, 2, p), where ``w`` and ``c`` (n, 2) correspond."""
         p = self.parts(beta)
         columns = np.empty((2, len(self._free), len(w)))
         if self.distorting:
@@ -378,7 +381,7 @@ class LensTrend:
         return by_ray.transpose(2, 0, 1), columns[:, self._free].transpose(2, 0, 1)
 
     def folds(self, beta: Floats, points: Floats) -> bool:
-        """Whether the radial part turns back, or the rays end, nearer to the centre than the farthest of ``points``."""
+        """Whether the radial law turns back, or the rays end, closer to the centre than the farthest of ``points``."""
         p = self.parts(beta)
         if p.scale <= 0 or np.linalg.det(p.shape) <= 0:
             return True
@@ -388,21 +391,21 @@ class LensTrend:
 
 
 def lens_searches(chart: RayChart, distorting: bool, order: int | None) -> list[Search]:
-    """One solve for all orders of the polynomial law, and one for each order of the tangent law, which is not
-    linear in κ. A given ``order`` is the only one.
+    """One search for all orders of the polynomial law, and one for each order of the tangent law.
 
-    No law at all, which is the same in both directions, is solved apart: near it the centre and the axes of a law may
-    be anything, so it does not follow from one.
+    The tangent law needs one each because it is not linear in κ. A given ``order`` is the only one. A trend without
+    any law, which is the same in both directions, is a search of its own: close to it the centre and the axes of a law
+    are arbitrary, so it does not follow from a trend that has one.
     """
-    general, searches = LensTrend(chart, distorting, HIGHEST if order is None else order, tangent=False), []
-    if orders := range(1, HIGHEST + 1) if order is None else [order] if order else []:
+    general, searches = LensTrend(chart, distorting, MAX_ORDER if order is None else order, tangent=False), []
+    if orders := range(1, MAX_ORDER + 1) if order is None else [order] if order else []:
         searches.append(Search(general, tuple(v for n in orders for v in general.of_order(n).variants())))
     if order == 0 or (order is None and not distorting):
         none = replace(general, order=0, tilted=False, elliptic=False)
         searches.append(Search(none, tuple(none.variants())))
     if not distorting and isinstance(chart, Angles):
-        return searches  # an arc tangent of the radius: no lens has it
-    for n in range(HIGHEST_TANGENT + 1) if order is None else [order]:
+        return searches  # the angle would be a tangent of the radius, which no lens has
+    for n in range(MAX_TANGENT_ORDER + 1) if order is None else [order]:
         tangent = LensTrend(chart, distorting, n)
         searches.append(Search(tangent, tuple(tangent.variants())))
     return searches
