@@ -21,8 +21,8 @@ from running_app import PATIENCE, running
 from pinholify.detection import detect_files
 from pinholify.io.images import image_paths
 from pinholify.pipeline import calibrate
-from pinholify.web.limits import Limits
 from pinholify.web.inspection import inspect_file
+from pinholify.web.limits import Limits
 
 CHOOSING = 6.0  # seconds that a person takes to choose photographs, while the app's processes start
 MOMENTS = {

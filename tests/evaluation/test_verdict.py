@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pinholify.calibration.observation import map_board
+from pinholify.errors import UnsolvableError
 from pinholify.evaluation.summary import NOT_REQUESTED, evaluate
 from pinholify.evaluation.verdict import cell_centres, coverage, judge, noise_floor, place
 from pinholify.geometry import Pose
@@ -97,7 +98,7 @@ def folded(calibration):
 
 
 def without_solution(part, name):
-    raise np.linalg.LinAlgError("Singular matrix")
+    raise UnsolvableError("equations without a solution")
 
 
 def test_a_held_out_error_without_a_solution_is_unknown_and_says_why(barrel_set, barrel_calibration):
@@ -111,6 +112,18 @@ def test_a_held_out_error_without_a_solution_is_unknown_and_says_why(barrel_set,
         verdict = judge(evaluation, barrel_set)
         assert verdict.level == "poor"
         assert f"no held-out error ({reason}" in verdict.sentence
+
+
+def test_equations_without_a_solution_are_an_error_of_the_package(barrel_set, barrel_calibration, monkeypatch):
+    def singular(*_, **__):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("pinholify.calibration.one_image.find_intrinsics", singular)
+    with pytest.raises(UnsolvableError, match="Singular matrix"):
+        calibrate(barrel_set, method="one-image")
+    monkeypatch.setattr("pinholify.evaluation.summary.observe", singular)
+    with pytest.raises(UnsolvableError, match="equations without a solution"):
+        evaluate(barrel_calibration, barrel_set)
 
 
 def test_corners_where_the_map_is_not_one_to_one_do_not_count(barrel_set, barrel_calibration):

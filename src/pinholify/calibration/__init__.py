@@ -10,6 +10,7 @@ In reading order:
 - ``zhang``: K from homographies in closed form (paper, appendix B)
 - ``poses``: poses, and K with poses, by least squares
 - ``intrinsics``: K with its error bars, from the two modules before
+- ``turning``: boards that look the same after half a turn, numbered alike by the board's own shape
 - ``circles``: centroids of a circle grid's discs corrected to the images of their centres
 - ``result``: the finished calibration, by whichever method
 """

@@ -22,7 +22,7 @@ from pinholify.cli.options import (
     say,
 )
 from pinholify.cli.report_command import STANDARD_OUTPUT, check_report_output, gathered_report, write_to
-from pinholify.cli.sources import gather_corners, input_files, look_again_with_progress, solving
+from pinholify.cli.sources import gather_corners, input_files, look_again_with_progress
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
@@ -115,11 +115,10 @@ def command(
     mirrored = mirrored or (known is not None and known.mirrored)
     corner_set = gather_corners(images, table, board, image_size, mirrored, needed=FEWEST_BOARDS)
     solve = partial(calibrate, method=method, kernel=kernel, trend=trend, mirrored=mirrored, start=known)
-    with solving():
-        calibration = solve(corner_set, reference=reference, square_mm=square_mm)
-        if refine_corners:
-            corner_set = look_again_with_progress(files, corner_set, calibration.camera)
-            calibration = solve(corner_set, reference=calibration.reference, square_mm=square_mm)
+    calibration = solve(corner_set, reference=reference, square_mm=square_mm)
+    if refine_corners:
+        corner_set = look_again_with_progress(files, corner_set, calibration.camera)
+        calibration = solve(corner_set, reference=calibration.reference, square_mm=square_mm)
     recalibrate = partial(solve, method=calibration.method) if heldout else None
     with keeping(calibration, output):
         evaluation, verdict = scored(calibration, corner_set, recalibrate, opencv=opencv)
@@ -163,18 +162,16 @@ def scored(
 @contextmanager
 def keeping(calibration: Calibration, output: Path) -> Iterator[None]:
     """If the evaluation inside the block meets unsolvable equations, write the camera, then raise CalibrationError."""
-    import numpy as np
-
-    from pinholify.errors import CalibrationError
+    from pinholify.errors import CalibrationError, UnsolvableError
     from pinholify.io.camera_file import write_camera
 
     try:
         yield
-    except np.linalg.LinAlgError as error:
+    except UnsolvableError as error:
         write_camera(output, calibration)
         raise CalibrationError(
-            f"wrote {output}, but could not evaluate it: the evaluation leads to equations without a solution "
-            f"({error}); try other photographs with 'pinholify evaluate {output}'"
+            f"wrote {output}, but could not evaluate it: {error}; try other photographs with "
+            f"'pinholify evaluate {output}'"
         ) from None
 
 

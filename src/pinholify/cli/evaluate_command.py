@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import click
 
 from pinholify.cli.options import examples, json_option, print_json
-from pinholify.cli.sources import gather_corners, solving
+from pinholify.cli.sources import gather_corners
 
 
 @click.command("evaluate", epilog=examples("pinholify evaluate camera.npz photos/ --json"))
@@ -33,7 +32,7 @@ def command(
     from pinholify.evaluation.summary import evaluate
     from pinholify.evaluation.verdict import judge
     from pinholify.io.camera_file import read_camera
-    from pinholify.pipeline import calibrate
+    from pinholify.report.evaluated import recalibrator
 
     calibration = read_camera(camera)
     size, mirrored = calibration.camera.image_size, calibration.camera.mirrored
@@ -46,22 +45,10 @@ def command(
             f"the images are {corners.image_size[0]}x{corners.image_size[1]} px, but '{camera}' was calibrated at "
             f"{size[0]}x{size[1]}: use images of that size, or calibrate again at this one"
         )
-    again = partial(
-        calibrate,
-        method=calibration.method,
-        kernel=calibration.kernel,
-        trend=calibration.trend if calibration.method == "one-image" else "auto",
-        mirrored=mirrored,
+    evaluation = evaluate(
+        calibration, corners, recalibrate=recalibrator(calibration), compare_opencv=opencv, kfold=folds
     )
-    with solving():
-        evaluation = evaluate(
-            calibration,
-            corners,
-            recalibrate=lambda part, name: again(part, reference=name),
-            compare_opencv=opencv,
-            kfold=folds,
-        )
-        verdict = judge(evaluation, corners)
+    verdict = judge(evaluation, corners)
     if as_json:
         print_json(to_json(evaluation, verdict))
     else:

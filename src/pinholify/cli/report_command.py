@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import click
 
 from pinholify.cli.options import check_output, examples, force_option, json_option, progress, say
-from pinholify.cli.sources import solving
 from pinholify.cli.stills import stills_for_videos
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -68,8 +67,7 @@ def command(
     if output or not as_json:
         check_report_output(path, (camera, *images), force=force)
     calibration = read_camera(camera)
-    with solving():
-        evaluation, verdict = evaluated(calibration, opencv=opencv, heldout=heldout)
+    evaluation, verdict = evaluated(calibration, opencv=opencv, heldout=heldout)
     report = gathered_report(evaluation, verdict, images, camera)
     if output or not as_json:
         write_to(path, report, form, aloud=not as_json)

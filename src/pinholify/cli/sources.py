@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -129,20 +128,6 @@ def check_plausible(corners: CornerSet) -> None:
             )
         if len(view) > 2 and np.linalg.matrix_rank(view.uv - view.uv.mean(axis=0)) < 2:
             raise CornerTableError(f"all {len(view)} corners of '{view.name}' lie on one line; check the corner table")
-
-
-@contextmanager
-def solving() -> Iterator[None]:
-    """Turn NumPy's LinAlgError, raised inside the block, into a CalibrationError."""
-    import numpy as np
-
-    try:
-        yield
-    except np.linalg.LinAlgError as error:
-        raise CalibrationError(
-            f"the corners lead to equations without a solution ({error}): check for wrong corners, a wrong board size "
-            "or boards that all have the same orientation"
-        ) from None
 
 
 def check_found(corners: CornerSet, needed: int) -> None:

@@ -14,7 +14,7 @@ from pinholify.calibration.observation import MappedBoard, ObservedBoard, observ
 from pinholify.calibration.result import Calibration
 from pinholify.calibration.turning import turned_alike
 from pinholify.corners import CornerSet
-from pinholify.errors import CalibrationError, PinholifyError
+from pinholify.errors import CalibrationError, PinholifyError, solving
 from pinholify.evaluation.baseline import MODELS, BoardPoints, fit_opencv
 from pinholify.evaluation.heldout import (
     Split,
@@ -115,6 +115,7 @@ class Evaluation:
     wrong: WrongCorners
 
 
+@solving()
 def evaluate(
     calibration: Calibration,
     corner_set: CornerSet,
@@ -242,8 +243,6 @@ def _heldout(
             trained = recalibrate(corner_set.with_views(split.train), split.train[0].name)
         except PinholifyError as error:
             return None, f"half of the boards do not determine a camera: {error}"
-        except np.linalg.LinAlgError:
-            return None, "half of the boards do not determine a camera: the equations have no solution"
         value, points = heldout_rms(camera_residuals(trained), split.test), sum(len(b.uv) for b in split.test)
         if value is None:
             return None, "a held-out board could not be located by the camera made from the others"

@@ -11,6 +11,7 @@ from pinholify.arrays import Bools, Floats
 from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
+from pinholify.errors import solving
 from pinholify.evaluation.shared_error import shared_error_of
 from pinholify.evaluation.summary import NOT_REQUESTED, Evaluation
 from pinholify.evaluation.wrong_corners import MANY, TOO_MANY
@@ -82,6 +83,7 @@ class Verdict:
         return f"{self.level.capitalize()}: {'; '.join(clauses)}."
 
 
+@solving()
 def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
     """The verdict on the ``evaluation`` of a calibration on ``corner_set``."""
     camera = evaluation.calibration.camera

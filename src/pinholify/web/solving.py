@@ -67,7 +67,7 @@ def solve(report: Report, request: SolveRequest) -> None:
     again = partial(calibrate, mirrored=request.mirrored)
     if len(corners.found) >= FEWEST_FOR_JOINT and _preview(report, request) and request.preview_only:
         return
-    calibration = _solved(partial(again, corners, square_mm=request.square_mm))
+    calibration = again(corners, square_mm=request.square_mm)
     write_camera(request.folder / CAMERA, calibration)
     insample = _scored(calibration, corners)
     report(_result("camera", request, calibration, insample))
@@ -80,35 +80,25 @@ def _preview(report: Report, request: SolveRequest) -> bool:
     """Whether a calibration with a fixed trend succeeded; if not, the one with a search will raise the reason."""
     trend = (request.trend or PREVIEW_TREND).partition("+")[0]
     try:
-        calibration = _solved(partial(calibrate, request.corners, mirrored=request.mirrored, trend=trend))
+        calibration = calibrate(request.corners, mirrored=request.mirrored, trend=trend)
     except PinholifyError:
         return False
     report(_result("first", request, calibration, _scored(calibration, request.corners)))
     return True
 
 
-def _solved(calibrating: Any) -> Calibration:
-    try:
-        calibration: Calibration = calibrating()
-    except np.linalg.LinAlgError:
-        raise CalibrationError(
-            "the equations have no solution for these corners; add boards that are tilted in other directions"
-        ) from None
-    return calibration
-
-
 def _scored(calibration: Calibration, corners: CornerSet, recalibrate: Any = None) -> Evaluation | None:
     """The evaluation, or None if too few boards lie in the camera's domain."""
     try:
         return evaluate(calibration, corners, recalibrate=recalibrate, compare_opencv=False)
-    except (PinholifyError, np.linalg.LinAlgError):
+    except PinholifyError:
         return None
 
 
 def _judged(evaluation: Evaluation | None, corners: CornerSet) -> Verdict | None:
     try:
         return None if evaluation is None else judge(evaluation, corners)
-    except np.linalg.LinAlgError:
+    except PinholifyError:
         return None
 
 
