@@ -56,8 +56,9 @@ def calibrate(
     square in mm. ``start`` is a camera close to the one sought: the joint method starts from it where it explains the
     corners clearly better than the start found without it, and ``details["start_fits"]`` is False where it explains
     them clearly worse. ``progress`` is called with one line per stage. The discs of a circle grid are centred twice,
-    each time with the camera found before. A board numbered with the wrong handedness, or unlike the others from
-    its other end, is renumbered and listed in ``details["renumbered_boards"]``. Raises InputError, CalibrationError or DegenerateError.
+    each time with the camera found before. A board numbered with the wrong handedness, or unlike the others from its
+    other end, is renumbered and listed in ``details["renumbered_boards"]``. Raises InputError, CalibrationError or
+    DegenerateError.
     """
     check_numbering(corner_set, mirrored)
     corner_set, renumbered = numbered_alike(corner_set, mirrored)
