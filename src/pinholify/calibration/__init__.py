@@ -12,5 +12,6 @@ In reading order:
 - ``intrinsics``: K with its error bars, from the two modules before
 - ``turning``: boards that look the same after half a turn, numbered alike by the board's own shape
 - ``circles``: centroids of a circle grid's discs corrected to the images of their centres
+- ``findings``: what else was found, such as the board's shape and wrong corners
 - ``result``: the finished calibration, by whichever method
 """

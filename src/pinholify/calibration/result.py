@@ -8,6 +8,7 @@ import numpy as np
 
 from pinholify.arrays import Floats, frozen
 from pinholify.board import lattice as board_lattice
+from pinholify.calibration.findings import Findings, findings_of
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
 from pinholify.corners import CornerSet
@@ -25,7 +26,7 @@ class Calibration:
     ``closed_form`` is the paper's K, by the simplified Zhang's method alone; None for a method without one.
     ``square_mm`` is the side of a square where the user gave it. ``board_points`` (corners, 3) are the board's points
     by id, in squares: flat unless the method found the board bent or stretched. ``details`` are plain numbers and
-    texts that JSON can hold.
+    texts that JSON can hold; :attr:`findings` are the same with types.
     """
 
     camera: VirtualCamera
@@ -61,6 +62,11 @@ class Calibration:
     def unit(self) -> str:
         """The unit of f, uc, vc and the virtual plane: squares, or px for an imported camera's ideal image."""
         return "px" if self.method == IMPORTED else "squares"
+
+    @property
+    def findings(self) -> Findings:
+        """What the method found besides the camera."""
+        return findings_of(self.details)
 
     def solid(self, lattice: Floats) -> Floats:
         """The board's points (n, 3) in squares for lattice coordinates ``lattice`` (n, 2)."""

@@ -123,7 +123,7 @@ def command(
     with keeping(calibration, output):
         evaluation, verdict = scored(calibration, corner_set, recalibrate, opencv=opencv)
     write_camera(output, calibration)
-    if calibration.details.get("start_fits") is False:
+    if calibration.findings.start_fits is False:
         say(f"'{start}' was not used as a start because it does not explain the corners: is it this camera and mode?")
     if as_json:
         print_json(to_json(evaluation, verdict))

@@ -37,7 +37,7 @@ def command(
     calibration = read_camera(camera)
     size, mirrored = calibration.camera.image_size, calibration.camera.mirrored
     board = calibration.corner_set.board
-    if calibration.details.get("board_known") is False:
+    if calibration.findings.board_known is False:
         raise CameraFileError(f"'{camera}' was imported without a board; import it again with --board")
     corners = gather_corners(images, table, board, size if table is not None else None, mirrored)
     if corners.image_size != size:

@@ -134,20 +134,19 @@ def _spread(std: float) -> str:
 
 def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
     """(name, value) pairs for a board that is not flat or not square, and for boards that moved."""
-    bow, stretch = calibration.details.get("board_bow_squares"), calibration.details.get("board_stretch")
-    facts = []
-    if isinstance(bow, float):
+    found, facts = calibration.findings, []
+    if found.board_bow_squares is not None:
+        bow = found.board_bow_squares
         facts.append(("board's bow", f"{bow:.4f} squares{_millimetres(bow, calibration.square_mm)}"))
-    if isinstance(stretch, float):
-        lean = calibration.details.get("board_shear") or 0.0
-        facts.append(("its print", f"{stretch:+.3%} longer along y than along x, leaning by {lean:+.3%}"))
-    warp = calibration.details.get("board_warp_squares")
-    if isinstance(warp, float):
+    if found.board_stretch is not None:
+        lean = found.board_shear or 0.0
+        facts.append(("its print", f"{found.board_stretch:+.3%} longer along y than along x, leaning by {lean:+.3%}"))
+    if found.board_warp_squares is not None:
+        warp = found.board_warp_squares
         millimetres = _millimetres(warp, calibration.square_mm)
         facts.append(("its corners", f"{warp:.4f} squares{millimetres} RMS beyond that"))
-    moved = calibration.details.get("motion_px")
-    if isinstance(moved, float) and moved > 0.0:
-        facts.append(("motion", f"{moved:.3f} px while the shutter rolled"))
+    if found.motion_px > 0.0:
+        facts.append(("motion", f"{found.motion_px:.3f} px RMS per axis during the rolling shutter"))
     return facts
 
 

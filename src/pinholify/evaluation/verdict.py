@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
-from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
 from pinholify.errors import solving
@@ -148,7 +147,7 @@ def noise_floor(evaluation: Evaluation, corner_set: CornerSet) -> float:
     It is √2 times the standard deviation of a corner of typical weight.
     """
     weights = np.concatenate([view.weights for view in evaluation.wrong.left_out_of(corner_set).found])
-    error = np.hypot(evaluation.calibration.camera.noise_px, motion(evaluation.calibration))
+    error = np.hypot(evaluation.calibration.camera.noise_px, evaluation.calibration.findings.motion_px)
     return float(np.sqrt(2.0 * (weights**-2.0).mean()) * error)
 
 
@@ -167,18 +166,6 @@ def cell_centres(image_size: tuple[int, int], columns: int, rows: int) -> Floats
         for extent, count in zip(image_size, (columns, rows), strict=True)
     )
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-
-
-def motion(calibration: Calibration) -> float:
-    """RMS displacement, px per axis, of corners by board motion during a rolling shutter, beyond what poses absorb."""
-    moved = calibration.details.get("motion_px")
-    return float(moved) if isinstance(moved, (int, float)) else 0.0
-
-
-def disagreement(calibration: Calibration) -> float:
-    """The disagreement of a joint camera's boards as a multiple of what corner noise explains; at least 1."""
-    factor = calibration.details.get("disagreement")
-    return float(factor) if isinstance(factor, (int, float)) else 1.0
 
 
 def place(advice: NextBoard, image_size: tuple[int, int]) -> str:
@@ -213,13 +200,13 @@ def _level(
     hidden = evaluation.wrong.share > (MANY if alike else TOO_MANY)
     reasons = []
     if error > FAIR_RATIO * max(floor, FINEST_PX):
-        alone = "noise and board motion" if motion(evaluation.calibration) > 0.0 else "noise"
+        alone = "noise and board motion" if evaluation.calibration.findings.motion_px > 0.0 else "noise"
         reasons.append(f"corner {alone} alone would leave {floor:.2f} px")
     if noise > ROUGH_PX:
         reasons.append(f"corner noise is {noise:.2g} px per axis, where {USUAL_PX:g} px or less is usual {ROUGH}")
     if covered < ENOUGH_COVERAGE:
         reasons.append(f"boards cover only {100 * covered:.0f} % of the image")
-    if evaluation.calibration.details.get("too_few_boards"):
+    if evaluation.calibration.findings.too_few_boards:
         reasons.append(
             "the boards disagree, through motion or an uneven board: a few more photographs would show which"
         )
@@ -247,13 +234,13 @@ def _remarks(evaluation: Evaluation, structure: Structure, shared: SharedError) 
             f"each corner of the board has the same error on every photograph, {shared.rms_px:.2g} px "
             f"(p = {shared.p_value:.1g}): check that the board is flat and accurately printed"
         )
-    moved = motion(evaluation.calibration)
+    moved = evaluation.calibration.findings.motion_px
     if np.sqrt(2.0) * moved > FINEST_PX:
         remarks.append(
             f"the boards moved by {moved:.2g} px during the rolling shutter, which is modelled: keep camera and board "
             "still for a better result"
         )
-    factor = disagreement(evaluation.calibration)
+    factor = evaluation.calibration.findings.disagreement
     if factor > 1.0:
         remarks.append(
             f"the boards disagree {factor:.2g} times as much as corner noise explains (bent, blurred or moving "

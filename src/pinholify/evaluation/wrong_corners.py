@@ -71,8 +71,7 @@ def wrong_corners(calibration: Calibration, corner_set: CornerSet) -> WrongCorne
 
     There are none in views that it was not made from, nor for a method that rejects no corners.
     """
-    table = calibration.details.get("wrong_corners")
-    named = table if isinstance(table, dict) else {}
+    named = calibration.findings.wrong_corners
     known = {view.name: view for view in calibration.corner_set.found if view.name in named}
     masks = {
         view.name: np.isin(view.ids, named[view.name])

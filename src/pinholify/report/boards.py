@@ -74,7 +74,7 @@ def _entry(
     thumbnail: Picture | None,
 ) -> BoardEntry:
     calibration = evaluation.calibration
-    left_out = _named(calibration, "dropped_boards").get(view.name)
+    left_out = calibration.findings.dropped_boards.get(view.name)
     residuals = seen.residuals.get(view.name, np.full((len(view), 2), np.nan))
     counted = seen.inliers.get(view.name, np.zeros(len(view), dtype=bool))
     lengths = np.linalg.norm(residuals[counted], axis=1)
@@ -99,15 +99,9 @@ def _entry(
         tilt,
         view.orientation_assumed,
         view.ambiguous_offset,
-        str(_named(calibration, "renumbered_boards").get(view.name, "")),
+        calibration.findings.renumbered_boards.get(view.name, ""),
         thumbnail,
     )
-
-
-def _named(calibration: Calibration, key: str) -> dict[str, int | str]:
-    """The table ``key`` by image in the calibration's details; empty if its method has none."""
-    table = calibration.details.get(key)
-    return table if isinstance(table, dict) else {}
 
 
 def _distance_and_tilt(calibration: Calibration, observed: ObservedBoard | None) -> tuple[float | None, float | None]:

@@ -49,32 +49,29 @@ class Model:
 def model_of(evaluation: Evaluation) -> Model:
     """The model of the evaluated camera."""
     calibration = evaluation.calibration
-    details = calibration.details
-    evidence = details.get("log_evidence")
-    ordered = sorted(evidence.items(), key=lambda pair: -pair[1]) if isinstance(evidence, dict) else []
-    values = details.get("singular_values")
+    found = calibration.findings
+    ordered = sorted(found.log_evidence.items(), key=lambda pair: -pair[1])
     return Model(
         calibration.method,
         calibration.kernel,
         calibration.trend,
         calibration.camera.noise_px,
         _processes(calibration),
-        tuple((name, float(ordered[0][1] - value)) for name, value in ordered),
-        _number(details.get("board_bow_squares")),
-        _number(details.get("board_stretch")),
-        _number(details.get("board_shear")),
-        _number(details.get("board_warp_squares")),
-        _number(details.get("motion_px")) or None,
+        tuple((name, ordered[0][1] - value) for name, value in ordered),
+        found.board_bow_squares,
+        found.board_stretch,
+        found.board_shear,
+        found.board_warp_squares,
+        found.motion_px or None,
         calibration.square_mm,
-        tuple(float(v) for v in values) if isinstance(values, (list, tuple)) else (),
+        found.singular_values,
     )
 
 
 def _processes(calibration: Calibration) -> tuple[Process, ...]:
-    plane_map, kernel_px = calibration.camera.plane_map, calibration.details.get("kernel_px")
-    if isinstance(kernel_px, (list, tuple)) and len(kernel_px):
-        values = tuple(float(value) for value in kernel_px)
-        return (Process("displacement in the image", values[0], "px", values[1:]),)
+    plane_map, kernel_px = calibration.camera.plane_map, calibration.findings.kernel_px
+    if kernel_px:
+        return (Process("displacement in the image", kernel_px[0], "px", kernel_px[1:]),)
     if isinstance(plane_map, DisplacementMap):
         kernel, px = plane_map.process.kernel, float(np.mean(plane_map.inputs.scale))
         scales = tuple(float(s) * px for s in kernel.length_scale)
@@ -87,7 +84,3 @@ def _processes(calibration: Calibration) -> tuple[Process, ...]:
             for axis, k in zip("xy", kernels, strict=True)
         )
     return ()
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, (int, float)) else None

@@ -9,7 +9,7 @@ import numpy as np
 from pinholify.arrays import Floats
 from pinholify.camera import VirtualCamera
 from pinholify.evaluation.summary import Evaluation
-from pinholify.evaluation.verdict import Verdict, disagreement, noise_floor, place
+from pinholify.evaluation.verdict import Verdict, noise_floor, place
 from pinholify.evaluation.wrong_corners import sentences
 from pinholify.rectification.views import named_view
 
@@ -127,7 +127,7 @@ def intrinsics_of(evaluation: Evaluation) -> Intrinsics:
         (float(view.matrix[0, 2]), float(view.matrix[1, 2])),
         view.size,
         field_of_view(camera),
-        disagreement(calibration),
+        calibration.findings.disagreement,
     )
 
 

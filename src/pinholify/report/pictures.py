@@ -75,10 +75,9 @@ def read_pictures(
     ImageError is raised. ``on_read`` is called after each photograph of a view.
     """
     views = [view for view in calibration.corner_set.views if view.name in photographs]
-    dropped = calibration.details.get("dropped_boards")
     wrong = wrong_corners(calibration, calibration.corner_set)
     belonging = [view.select(wrong.belonging(view)) for view in views]
-    framed = framed_views(belonging, calibration.reference, dropped if isinstance(dropped, dict) else {})
+    framed = framed_views(belonging, calibration.reference, calibration.findings.dropped_boards)
     width = thumbnail_width(len(views))
     framer = _Framer(calibration.camera, calibration.corner_set.board)
     thumbnails: dict[str, Picture] = {}
