@@ -68,8 +68,8 @@ def test_the_note_names_what_was_reversed():
     views[2], views[4] = backwards(views[2], BOARD, 0), backwards(views[4], BOARD, 1)
     _, notes = numbered_alike(CornerSet(BOARD, SIZE, tuple(views)), False)
     assert notes == {
-        views[2].name: "numbered the other way round: its columns were reversed",
-        views[4].name: "numbered the other way round: its rows were reversed",
+        views[2].name: "numbered the other way round (columns reversed)",
+        views[4].name: "numbered the other way round (rows reversed)",
     }
 
 

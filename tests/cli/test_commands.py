@@ -140,13 +140,17 @@ def test_a_board_counted_the_other_way_round_is_renumbered_and_named(run, poses)
     clean = run_json(run, right)
     turned = replace(right.views[2], ids=right.views[2].ids.reshape(6, 9)[:, ::-1].ravel())
     spoilt = run_json(run, right.with_views([turned if v.name == turned.name else v for v in right.views]))
-    note = "numbered the other way round: its columns were reversed"
+    note = "numbered the other way round (columns reversed)"
     assert [board["note"] for board in spoilt["boards"]] == ["", "", note, *[""] * (len(right.views) - 3)]
     assert [board["used"] for board in spoilt["boards"]] == [board["used"] for board in clean["boards"]]
     assert (spoilt["f"], spoilt["heldout_px"]) == pytest.approx((clean["f"], clean["heldout_px"]), rel=1e-9)
     said = run("calibrate", "--corners", "c.vnl", *FROM_TABLE, "--report", "r.md", "--force")
     assert f"{turned.name} was {note}" in said.out
     assert note in Path("r.md").read_text()
+    both = [replace(v, ids=v.ids.reshape(6, 9)[:, ::-1].ravel()) for v in right.views[2:4]]
+    write_corner_table("c.vnl", right.with_views([*right.views[:2], *both, *right.views[4:]]))
+    said = run("calibrate", "--corners", "c.vnl", *FROM_TABLE, "--force")
+    assert f"2 boards were {note}: {both[0].name}, {both[1].name}" in said.out.replace("\n", " ")
 
 
 def run_json(run, corners):

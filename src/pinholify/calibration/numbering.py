@@ -43,7 +43,7 @@ def numbered_alike(corner_set: CornerSet, mirrored: bool) -> Numbered:
                 other = _reversed(view, corner_set.board, axis)
                 if other is not None:
                     view = other
-                    notes[view.name] = f"numbered the other way round: its {AXES[axis]} were reversed"
+                    notes[view.name] = f"numbered the other way round ({AXES[axis]} reversed)"
                     break
         views.append(view)
     return Numbered(corner_set.with_views(views), notes)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinholify.calibration.result import Calibration
+from pinholify.cli.sources import listed
 from pinholify.evaluation.summary import Evaluation
 from pinholify.evaluation.verdict import Verdict
 from pinholify.evaluation.wrong_corners import sentences
@@ -159,8 +160,15 @@ def _set_aside(evaluation: Evaluation) -> list[str]:
 
 
 def _renumbered(evaluation: Evaluation) -> list[str]:
-    """Lines on boards whose corners were renumbered."""
-    return [f"{b.file} was {b.note}" for b in evaluation.boards if b.note]
+    """Lines on boards whose corners were renumbered, one for each reason."""
+    files: dict[str, list[str]] = {}
+    for board in evaluation.boards:
+        if board.note:
+            files.setdefault(board.note, []).append(board.file)
+    return [
+        f"{names[0]} was {note}" if len(names) == 1 else f"{len(names)} boards were {note}: {listed(names)}"
+        for note, names in files.items()
+    ]
 
 
 def _in_millimetres(length: float, calibration: Calibration) -> str:

@@ -143,7 +143,7 @@ def check_found(corners: CornerSet, needed: int) -> None:
     if reasons and len(corners.found) < needed:
         raise CalibrationError(_too_few(corners, needed, *ordered[0]))
     for reason, names in ordered[:REASONS_SHOWN]:
-        say(f"{_listed(names)}: {reason}")
+        say(f"{listed(names)}: {reason}")
     more = sum(len(names) for _, names in ordered[REASONS_SHOWN:])
     if more:
         say(f"{more} more images show no board; 'pinholify detect --json' gives the reason for each")
@@ -158,14 +158,15 @@ def _too_few(corners: CornerSet, needed: int, reason: str, names: list[str]) -> 
         what = f"no {spec} board was found in any of the {total} images"
     else:
         what = f"a {spec} board was found in {found} of the {total} images where {needed} are needed"
-    count = "" if len(names) == total else f"{_listed(names)}: "
+    count = "" if len(names) == total else f"{listed(names)}: "
     return (
         f"{what} ({count}{reason}); check the board's size ({corners.board.counted}), and that it is sharp "
         "and well lit"
     )
 
 
-def _listed(names: list[str]) -> str:
+def listed(names: list[str]) -> str:
+    """``names`` with commas; a long list is cut."""
     more = len(names) - NAMES_SHOWN
     return ", ".join(names[:NAMES_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
