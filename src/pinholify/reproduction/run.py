@@ -43,7 +43,7 @@ def quick_version(dataset: Dataset) -> Dataset:
 
 @contextmanager
 def unwatched(_text: str, _parts: int | None) -> Iterator[Callable[[], None]]:
-    """A :data:`~pinholify.reproduction.chain.Watch` that shows nothing."""
+    """A ``Watch`` that shows nothing."""
     yield lambda: None
 
 
