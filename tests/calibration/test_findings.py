@@ -18,7 +18,7 @@ def test_values_are_those_of_the_details():
     assert (found.board_bow_squares, found.motion_px, found.kernel_px) == (0.25, 1.0, (2.0, 300.0))
     assert found.log_evidence == {"plane:0": -3.0}
     assert found.start_fits is False
-    assert found.wrong_corners == {"a.png": [1, 2]}
+    assert found.wrong_corners == {"a.png": (1, 2)}
     assert found.disagreement == 2.5
 
 

@@ -109,7 +109,7 @@ def test_a_mirrored_camera_needs_to_be_said(barrel_set):
 
 @pytest.mark.parametrize("keep", [1, 2])
 def test_too_few_boards_are_refused(barrel_set, keep):
-    with pytest.raises(DegenerateError, match="two or more are needed"):
+    with pytest.raises(DegenerateError, match="3 or more are needed"):
         one_image(barrel_set.with_views(barrel_set.views[:keep]))
 
 

@@ -10,6 +10,7 @@ from pinholify.corners import Corners, CornerSet
 from pinholify.evaluation.summary import evaluate
 from pinholify.evaluation.verdict import judge, noise_floor, residuals_of
 from pinholify.evaluation.wrong_corners import TOO_MANY, WrongCorners, sentences, wrong_corners
+from pinholify.io.camera_file import read_camera, write_camera
 from pinholify.pipeline import calibrate
 from pinholify.report.boards import boards_of
 from pinholify.report.pictures import Pictures
@@ -172,7 +173,7 @@ def test_sentences_are_short_and_in_order():
     assert sentences(WrongCorners({}, 1000)) == ()
 
 
-def test_corners_of_a_board_too_dense_to_be_solved_whole_are_judged_each(honest, monkeypatch):
+def test_corners_of_a_board_too_dense_to_be_solved_whole_are_judged_each(honest, monkeypatch, tmp_path):
     rng = np.random.default_rng(2)
     hit = {view.name: rng.random(len(view)) < 0.003 for view in honest.views}
     views = [replaced(view, view.uv + 30.0 * hit[view.name][:, None]) for view in honest.views]
@@ -181,6 +182,8 @@ def test_corners_of_a_board_too_dense_to_be_solved_whole_are_judged_each(honest,
     calibration = joint(honest.with_views(views))
     found = wrong_corners(calibration, calibration.corner_set)
     assert sum(len(each) for each in calibration.details["wrong_corners"].values()) == found.count
+    write_camera(tmp_path / "c.npz", calibration)
+    assert wrong_corners(read_camera(tmp_path / "c.npz"), calibration.corner_set).count == found.count
     moved = sum(mask.sum() for mask in hit.values())
     assert sum((found.masks[name] & mask).sum() for name, mask in hit.items() if mask.any()) == moved
     assert moved <= found.count <= moved + 3

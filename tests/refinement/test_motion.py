@@ -1,5 +1,7 @@
 """Whether boards moved, from corners around the true camera."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,15 @@ def test_still_boards_do_not_move() -> None:
     solution, seen = around_the_truth(STILL, set())
     assert motion_of(solution, seen) == 0.0
     assert motion_rms(solution, seen) == 0.0
+
+
+def test_motions_are_as_large_whatever_the_corners_weigh() -> None:
+    solution, seen = around_the_truth(STILL, set())
+    motions = np.random.default_rng(0).normal(0, 0.01, (seen.boards, 3))
+    moving = replace(solution, state=replace(solution.state, motions=motions))
+    expected = motion_rms(moving, seen)
+    assert expected > 0.0
+    assert motion_rms(moving, seen.weighted(np.full(seen.boards, 3.0))) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("moved", [{3}, {3, 8}])

@@ -113,6 +113,13 @@ def test_an_earlier_report_is_replaced_and_nothing_else(run, lonely, tmp_path):
     assert run("report", lonely, *QUICK, "-o", "diary.html", "--force")[0] == 0
 
 
+def test_a_report_has_a_known_ending(run, lonely, tmp_path):
+    status, _, err = run("report", lonely, *QUICK, "-o", "r.pdf")
+    assert status == 1
+    assert ".html or .md or .json" in err
+    assert not (tmp_path / "r.pdf").exists()
+
+
 def test_the_camera_is_never_overwritten(run, lonely, tmp_path):
     before = (tmp_path / "camera.npz").read_bytes()
     status, _, err = run("report", "camera.npz", *QUICK, "-o", "./camera.npz", "--force")
@@ -133,7 +140,7 @@ def test_a_camera_without_corners_is_refused_with_what_to_do_instead(run, evalua
     write_camera("bare.npz", dataclasses.replace(evaluation.calibration, corner_set=corners.with_views(())))
     status, _, err = run("report", "bare.npz")
     assert status == 1
-    assert "made from no photographs" in err
+    assert "holds no corners" in err
     assert "pinholify evaluate" in err
     assert len(err.splitlines()) == 1
 

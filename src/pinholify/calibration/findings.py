@@ -27,7 +27,7 @@ class Findings:
     kernel_px: tuple[float, ...]
     dropped_boards: Mapping[str, str]
     renumbered_boards: Mapping[str, str]
-    wrong_corners: Mapping[str, list[int]]
+    wrong_corners: Mapping[str, tuple[int, ...]]
     board_bow_squares: float | None
     board_stretch: float | None
     board_shear: float | None
@@ -47,7 +47,7 @@ def findings_of(details: Mapping[str, object]) -> Findings:
         _numbers(details, "kernel_px"),
         {name: str(reason) for name, reason in _table(details, "dropped_boards").items()},
         {name: str(note) for name, note in _table(details, "renumbered_boards").items()},
-        {name: ids for name, ids in _table(details, "wrong_corners").items() if isinstance(ids, list)},
+        {name: tuple(ids) for name, ids in _table(details, "wrong_corners").items() if isinstance(ids, (list, tuple))},
         _number(details, "board_bow_squares"),
         _number(details, "board_stretch"),
         _number(details, "board_shear"),

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 MAX_MAP_POINTS = 600  # of the reference board; a denser one is condensed, because the process costs n³
 MAX_CORNERS = 12_000  # of all boards, for f, uc and vc
+FEWEST_BOARDS = 3  # the reference and two others
 
 
 def calibrate_one_image(
@@ -87,9 +88,15 @@ def _other_boards(corner_set: CornerSet, view: Corners, fitted: FittedMap, hull:
     inside: list[Bools] = [hull.contains(v.uv) for v in corner_set.views]
     mapped = map_boards(corner_set, fitted.map, inside)
     others = [b for b in mapped if b.used and b.name != view.name]
+    shown = len(corner_set.found)
+    if shown < FEWEST_BOARDS:
+        raise DegenerateError(
+            f"the board was found in {shown} of the {len(corner_set.views)} images, but {FEWEST_BOARDS} or more are "
+            "needed to determine f, uc and vc: add photographs of the board tilted in different directions"
+        )
     if len(others) < 2:
         raise DegenerateError(
-            f"besides the reference '{view.name}', {len(corner_set.found) - 1} images show the board, {len(others)} of "
+            f"besides the reference '{view.name}', {shown - 1} images show the board, {len(others)} of "
             f"them with at least {100 * MINIMUM_SHARE_INSIDE:g} % of its corners inside the reference board's outline, "
             "but two or more are needed to determine f, uc and vc: add photographs of the tilted board, or choose a "
             "reference in which it fills more of the frame"

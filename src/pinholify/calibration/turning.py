@@ -21,7 +21,7 @@ from pinholify.corners import Corners, CornerSet
 
 MINIMUM_GAIN = 2.0  # in log likelihood: no view is turned by rounding, and few that say little by chance
 NEGLIGIBLE_SHAPE = 1e-9  # squares
-NOTE = "numbered from its other end, to fit the board's own shape"
+NOTE = "renumbered from the other end, to match the board's shape"
 
 
 def turned_alike(calibration: Calibration, corner_set: CornerSet, keep: str | None = None) -> Numbered:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinholify.calibration.result import Calibration
-from pinholify.cli.sources import listed
 from pinholify.evaluation.summary import Evaluation
 from pinholify.evaluation.verdict import Verdict
 from pinholify.evaluation.wrong_corners import sentences
@@ -166,7 +165,7 @@ def _renumbered(evaluation: Evaluation) -> list[str]:
         if board.note:
             files.setdefault(board.note, []).append(board.file)
     return [
-        f"{names[0]} was {note}" if len(names) == 1 else f"{len(names)} boards were {note}: {listed(names)}"
+        f"{names[0]} was {note}" if len(names) == 1 else f"{len(names)} boards were {note}: {', '.join(names)}"
         for note, names in files.items()
     ]
 

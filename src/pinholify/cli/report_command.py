@@ -65,7 +65,7 @@ def command(
         raise click.UsageError("--json and -o - both write to standard output; omit one")
     path = output or Path(f"report.{form or 'html'}")
     if output or not as_json:
-        check_report_output(path, (camera, *images), force=force)
+        check_report_output(path, (camera, *images), form, force=force)
     calibration = read_camera(camera)
     evaluation, verdict = evaluated(calibration, opencv=opencv, heldout=heldout)
     report = gathered_report(evaluation, verdict, images, camera)
@@ -92,7 +92,7 @@ def write_to(path: Path, report: Report, form: str | None = None, *, aloud: bool
             click.echo(f"wrote {path}")
 
 
-def check_report_output(path: Path, inputs: Sequence[Path], *, force: bool) -> None:
+def check_report_output(path: Path, inputs: Sequence[Path], form: str | None = None, *, force: bool) -> None:
     """Raise OutputError if the report must not be written to ``path``; inputs are protected even before they exist."""
     from pinholify.errors import OutputError
     from pinholify.report.formats import is_report
@@ -101,6 +101,12 @@ def check_report_output(path: Path, inputs: Sequence[Path], *, force: bool) -> N
         return
     if path.absolute() in [source.absolute() for source in inputs]:
         raise OutputError(f"the report '{path}' would replace another file of this command; choose another name")
+    ending = path.suffix.lower().removeprefix(".")
+    if form is None and ending and ending not in FORMATS:
+        raise OutputError(
+            f"'{path}' ends in .{ending}, which is not a format of reports: choose a name that ends in "
+            f"{' or '.join('.' + name for name in FORMATS)}"
+        )
     check_output(path, force=force, is_ours=is_report, inputs=inputs)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,7 @@ from pinholify.refinement.sharing import SharedError
 POOR_PX, POOR_RATIO = 1.0, 4.0  # held-out error: in px, and as a multiple of what noise alone would leave
 FAIR_RATIO = 1.5
 USUAL_PX, ROUGH_PX = 0.3, 0.5  # corner noise per axis: the most that is usual, and more than even blur explains
+NAMES_SHOWN = 3
 POOR_FOCAL = 0.02  # relative standard deviation of f
 ENOUGH_COVERAGE = 0.6
 STRUCTURED = 0.01  # p-value
@@ -211,15 +212,20 @@ def _level(
             "the boards disagree, through motion or an uneven board: a few more photographs would show which"
         )
     if suspicious:
-        reasons.append(f"suspicious boards: {', '.join(s.name for s in suspicious[:3])}")
+        reasons.append(f"suspicious boards: {_listed([s.name for s in suspicious])}")
     if evaluation.wrong.crowded:
-        reasons.append(f"boards with too many wrong corners: {', '.join(evaluation.wrong.crowded[:3])}")
+        reasons.append(f"boards with too many wrong corners: {_listed(evaluation.wrong.crowded)}")
     if alike:
         reasons.append(
             f"the wrong corners share a common error (p = {left_out.p_value:.1g}): the camera model may be at fault"
         )
     level = "poor" if unknown or off or not known or hidden else "fair" if reasons else "good"
     return level, reasons
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - NAMES_SHOWN
+    return ", ".join(names[:NAMES_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def _remarks(evaluation: Evaluation, structure: Structure, shared: SharedError) -> list[str]:

@@ -52,16 +52,19 @@ def _best(squares: Floats, spreads: Floats, pulls: Floats, free: float) -> tuple
 
 def motion_rms(solution: Solution, seen: Observations) -> float:
     """RMS per axis, in normalised image units, of the shifts of corners by motions that no pose can absorb."""
-    boards = _boards(solution, seen)
-    pairs = zip(boards, solution.state.motions, strict=True)
-    return float(np.sqrt(sum(((board.moved @ motion) ** 2).sum() for board, motion in pairs) / (2.0 * len(seen.view))))
+    squares = 0.0
+    for board, motion, rows in zip(_boards(solution, seen), solution.state.motions, seen.slices(), strict=True):
+        shifts = (board.moved @ motion).reshape(-1, 2) / seen.weight[rows, None]
+        squares += float((shifts**2).sum())
+    return float(np.sqrt(squares / (2.0 * len(seen.view))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Board:
     """One board with all that a change of its pose can absorb projected out.
 
-    ``residual`` (2n,) is that of the board without motion, ``moved`` (2n, 3) its derivative by the motion.
+    ``residual`` (2n,) is that of the board without motion, ``moved`` (2n, 3) its derivative by the motion; both are
+    multiplied by the corners' weights.
     """
 
     residual: Floats

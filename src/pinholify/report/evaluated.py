@@ -18,8 +18,8 @@ def evaluated(calibration: Calibration, *, opencv: bool = True, heldout: bool = 
     """
     if not calibration.corner_set.found:
         raise InputError(
-            f"the camera was made from no photographs ({calibration.method}), so there is nothing to report on; score "
-            "it on photographs of a board with 'pinholify evaluate'"
+            "the camera file holds no corners, as after 'pinholify import' or 'pinholify mode', so there is nothing to "
+            "report on; score it on photographs of a board with 'pinholify evaluate'"
         )
     corners = calibration.corner_set
     recalibrate = recalibrator(calibration) if heldout else None

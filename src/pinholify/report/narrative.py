@@ -183,7 +183,7 @@ def state(entry: BoardEntry) -> str:
 
 
 def _board_row(entry: BoardEntry) -> tuple[str, ...]:
-    suspicion = "" if entry.ratio is None else f"; suspicious, {entry.ratio:.1f} times the noise"
+    suspicion = "" if entry.ratio is None else f"; suspicious, {entry.ratio:.1f} times the others' error"
     suspicion += "; too many wrong corners" if entry.crowded else ""
     note = f"; {entry.note}" if entry.note else ""
     dropped = f" ({entry.dropped} wrong, left out)" if entry.dropped else ""

@@ -118,7 +118,7 @@ def _cross(centre: Floats, reach: float) -> tuple[Floats, Floats]:
 def _badge(entry: BoardEntry) -> Markup:
     badges = [element("span", state(entry), class_="badge in" if entry.included else "badge out")]
     if entry.ratio is not None:
-        badges.append(element("span", f"suspicious: {entry.ratio:.1f} times the noise", class_="badge wrong"))
+        badges.append(element("span", f"suspicious: {entry.ratio:.1f} times the others' error", class_="badge wrong"))
     if entry.crowded:
         badges.append(element("span", "too many wrong corners", class_="badge wrong"))
     if entry.note:
