@@ -134,7 +134,7 @@ def test_no_board_at_all_is_refused(barrel_set):
 
 @pytest.mark.parametrize("name", ["nobody.png", "view"])
 def test_an_unknown_reference_is_refused(barrel_set, name):
-    with pytest.raises(InputError, match="names none"):
+    with pytest.raises(InputError, match="is the name of none"):
         calibrate_one_image(barrel_set, reference=name)
 
 
@@ -142,7 +142,7 @@ def test_a_reference_may_be_named_without_its_folder(barrel_set):
     views = [dataclasses.replace(v, name=f"a/{v.name}") for v in barrel_set.views]
     assert one_image(barrel_set.with_views(views)).reference == "a/view0.png"
     twice = [*views, dataclasses.replace(views[0], name="b/view0.png")]
-    with pytest.raises(InputError, match="names 2"):
+    with pytest.raises(InputError, match="is the name of 2"):
         one_image(barrel_set.with_views(twice))
 
 

@@ -221,14 +221,14 @@ class TestTables:
 
     def test_reference_that_is_not_there(self, refused, table):
         sentence = refused("calibrate", "--corners", table, *CORNERS, "--reference", "b.png")
-        assert "'b.png' names none of the 9 images" in sentence
+        assert "one of the 9 images, but 'b.png' is the name of none" in sentence
 
     def test_reference_that_is_two(self, refused, poses):
         corners = corner_set(poses[:2])
         twins = [Corners(f"{i}/a.png", v.ids, v.uv) for i, v in enumerate(corners.views)]
         write_corner_table("c.vnl", corners.with_views(twins))
         sentence = refused("calibrate", "--corners", "c.vnl", *CORNERS, "--reference", "a.png")
-        assert "'a.png' names 2 of the 2 images" in sentence
+        assert "one of the 2 images, but 'a.png' is the name of 2" in sentence
 
 
 # --- camera files --------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 
 from pinholify.calibration.observation import map_board
 from pinholify.errors import UnsolvableError
-from pinholify.evaluation.summary import NOT_REQUESTED, evaluate
+from pinholify.evaluation.summary import NOT_REQUESTED, OpenCVScore, evaluate
 from pinholify.evaluation.verdict import cell_centres, coverage, judge, noise_floor, place
 from pinholify.geometry import Pose
 from pinholify.pipeline import calibrate
@@ -95,6 +95,17 @@ class Folded:
 def folded(calibration):
     camera = dataclasses.replace(calibration.camera, plane_map=Folded(calibration.camera.plane_map))
     return dataclasses.replace(calibration, camera=camera)
+
+
+def test_a_camera_of_unknown_noise_is_compared_with_opencvs_models(barrel_set, barrel_calibration):
+    camera = dataclasses.replace(barrel_calibration.camera, noise_px=float("nan"))
+    evaluation = evaluate(dataclasses.replace(barrel_calibration, camera=camera), barrel_set)
+    error = evaluation.pooled.re_px
+    for ratio, level in ((0.5, "fair"), (1.0, "good")):
+        score = OpenCVScore(ratio * error, 1.0, None)
+        verdict = judge(dataclasses.replace(evaluation, opencv={"opencv5": score}), barrel_set)
+        assert ("OpenCV" in verdict.sentence) == (level == "fair")
+        assert verdict.level != "good" or level == "good"
 
 
 def without_solution(part, name):

@@ -53,8 +53,8 @@ def _named(corner_set: CornerSet, name: str) -> Corners:
     matches = whole or [v for v in corner_set.views if v.name.rsplit("/", 1)[-1] == name.rsplit("/", 1)[-1]]
     if len(matches) != 1:
         raise InputError(
-            f"the reference '{name}' names {len(matches) or 'none'} of the {len(corner_set.views)} images: "
-            "give the name of exactly one, as in the list of images"
+            f"the reference must be one of the {len(corner_set.views)} images, but '{name}' is the name of "
+            f"{len(matches) or 'none'} of them: give a name as in the list of images"
         )
     return matches[0]
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     "square_mm",
     type=options.length,
     required=True,
-    help="Side of a square or tag, or spacing of circles, e.g. 25mm.",
+    help="Side of a square or tag, or spacing of circles, e.g. 25mm (without a unit: mm).",
 )
 @click.option("--page", default="A4", show_default=True, help="Paper: A0 to A5, Letter, Legal, Tabloid, or WxHmm.")
 @click.option(

@@ -50,7 +50,7 @@ FEWEST_BOARDS = 3  # the reference and two boards of other orientations
               help="Camera file to write.")
 @click.option("--corners", "table", metavar="FILE", help="Take corners from a table (.vnl) instead of photographs.")
 @click.option("--image-size", type=options.size, metavar="WxH", help="Size of the images in px; with --corners.")
-@click.option("--square", "square_mm", type=options.length, help="Side of a square, e.g. 25mm.")
+@click.option("--square", "square_mm", type=options.length, help="Side of a square, e.g. 25mm (without a unit: mm).")
 @click.option("--reference", metavar="IMAGE", help="Image whose board defines the frame; by default the largest board.")
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True,
               help="joint: all boards determine the map; one-image: the reference alone; auto: joint with four or more "

@@ -15,7 +15,8 @@ CHANGED = 2.0  # times the difference expected from the cameras' own uncertainty
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
 @click.option("-o", "picture", type=click.Path(path_type=Path), help="Also draw the difference over the image (PNG).")
-@click.option("--strict", is_flag=True, help="Exit with 1 if the cameras differ by more than their uncertainty.")
+@click.option("--strict", is_flag=True,
+              help="Exit with 1 if the cameras differ by more than twice what their uncertainty predicts.")
 @json_option
 @overwrite_option
 def command(first: Path, second: Path, picture: Path | None, strict: bool, as_json: bool, force: bool) -> None:

@@ -37,7 +37,8 @@ EXAMPLES = examples(
 @click.option("--fisheye/--no-fisheye", default=None,
               help="Whether OpenCV's 4 coefficients are those of cv2.fisheye, if FILE does not say so.")
 @click.option("--board", type=options.board, help="Board that 'evaluate' will look for: inner corners, e.g. 15x9.")
-@click.option("--square", "square_mm", type=options.length, help="Side of a square of that board, e.g. 25mm.")
+@click.option("--square", "square_mm", type=options.length,
+              help="Side of a square of that board, e.g. 25mm (without a unit: mm).")
 @json_option
 @force_option
 def command(

@@ -23,6 +23,8 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
 def command(name: str, folder: Path, views: int | None, force: bool) -> None:
     """Render NAME, one of the paper's six data sets (or all): photographs, true corners, true camera.
 
+    The data sets: unity-pinhole, unity-barrel, unity-pincushion, webcam, webcam-telelens and mirror.
+
     Writes NAME/*.png, NAME/corners.vnl and NAME/truth.npz (rays of a grid of pixels, f, uc, vc). Cameras that send JPEG
     are written as PNG too: their pixels already have its artefacts, which must not be applied twice.
     """

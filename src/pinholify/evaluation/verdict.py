@@ -203,6 +203,9 @@ def _level(
     if error > FAIR_RATIO * max(floor, FINEST_PX):
         alone = "noise and board motion" if evaluation.calibration.findings.motion_px > 0.0 else "noise"
         reasons.append(f"corner {alone} alone would leave {floor:.2f} px")
+    if not np.isfinite(floor) and error > FAIR_RATIO * max(_best_of_opencv(evaluation), FINEST_PX):
+        best = _best_of_opencv(evaluation)
+        reasons.append(f"the best of OpenCV's models fits these photographs with an error of {best:.2f} px")
     if noise > ROUGH_PX:
         reasons.append(f"corner noise is {noise:.2g} px per axis, where {USUAL_PX:g} px or less is usual {ROUGH}")
     if covered < ENOUGH_COVERAGE:
@@ -221,6 +224,11 @@ def _level(
         )
     level = "poor" if unknown or off or not known or hidden else "fair" if reasons else "good"
     return level, reasons
+
+
+def _best_of_opencv(evaluation: Evaluation) -> float:
+    """The smallest error in sample: the yardstick for a camera whose corner noise is unknown; inf if there is none."""
+    return min((s.insample_px for s in evaluation.opencv.values() if s.insample_px is not None), default=np.inf)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -387,9 +387,9 @@ def _board_shape(shape: BoardShape) -> Section:
         f"{_length(shape.height_range, shape.square_mm)}."
     )
     caption = (
-        f"The board from above, as it is numbered. Arrows: shifts in its plane, drawn {shape.magnification:g} times as "
-        "long. Discs: heights above (filled) and below (open) the mean plane as seen from the camera; their areas are "
-        "proportional to the heights."
+        f"The board from the camera's side, its first corner at the upper left. Arrows: shifts in its plane, drawn "
+        f"{shape.magnification:g} times as long. Discs: heights towards the camera (filled) and away from it (open), "
+        f"proportional to their areas; the largest is {_length(float(np.abs(shape.heights).max()), shape.square_mm)}."
     )
     return Section("board-shape", "The board's shape", (text,), caption=caption)
 
