@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import io
 import json
 import os
@@ -130,6 +131,8 @@ def test_an_evaluation_without_a_solution_costs_no_camera(run, refused, table, m
     def unsolvable(*_, **__):
         raise UnsolvableError("equations without a solution")
 
+    # Loaded for the first time by a command below, it would keep the patched function for all tests that follow.
+    importlib.import_module("pinholify.report.evaluated")
     monkeypatch.setattr(f"pinholify.{step}", unsolvable)
     sentence = refused("calibrate", "--corners", table, *FROM_TABLE)
     assert sentence.startswith("wrote camera.npz, but could not evaluate it: ")

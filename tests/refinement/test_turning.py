@@ -61,6 +61,11 @@ def test_new_photographs_are_numbered_as_the_shape_is(alike):
         np.testing.assert_array_equal(one.ids, other.ids)
 
 
+def test_corners_on_one_line_do_not_tell(alike):
+    views = [view.select(view.ids < EVEN.columns) for view in held(corners(), {"view05"}).views]
+    assert not turned_alike(alike, corners().with_views(views)).notes
+
+
 @pytest.mark.parametrize(("board", "size"), [(Checkerboard(9, 6), 0.004), (EVEN, 0.0)], ids=["orientable", "flat"])
 def test_nothing_is_turned_where_nothing_tells(board, size):
     calibration = calibrate(corners(board, size), reference="view00")

@@ -53,7 +53,8 @@ def _half_turned(view: Corners, calibration: Calibration) -> Corners:
 
 def _fits_better_turned(calibration: Calibration, view: Corners) -> bool:
     seen = view.select(calibration.camera.inside(view.uv))
-    if len(seen) < FEWEST_CORNERS:
+    points = seen.lattice(calibration.corner_set.board)
+    if len(seen) < FEWEST_CORNERS or np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:  # on one line: no pose
         return False
     now, then = (_lengths(calibration, seen.uv, each.ids) for each in (seen, _half_turned(seen, calibration)))
     scale = max(min(float(np.median(now)), float(np.median(then))), 1e-12)

@@ -203,8 +203,8 @@ def _level(
     if error > FAIR_RATIO * max(floor, FINEST_PX):
         alone = "noise and board motion" if evaluation.calibration.findings.motion_px > 0.0 else "noise"
         reasons.append(f"corner {alone} alone would leave {floor:.2f} px")
-    if not np.isfinite(floor) and error > FAIR_RATIO * max(_best_of_opencv(evaluation), FINEST_PX):
-        best = _best_of_opencv(evaluation)
+    best = _best_of_opencv(evaluation)
+    if not np.isfinite(floor) and error > FAIR_RATIO * max(best, FINEST_PX):
         reasons.append(f"the best of OpenCV's models fits these photographs with an error of {best:.2f} px")
     if noise > ROUGH_PX:
         reasons.append(f"corner noise is {noise:.2g} px per axis, where {USUAL_PX:g} px or less is usual {ROUGH}")
