@@ -17,17 +17,19 @@ SPEC = "charuco:9x7:DICT_4X4_100:0.5"
 BOARD = parse_board(SPEC)
 
 
-def view(homography, *, hide=None):
+def view(homography, *, hide=None, squares=(9, 7), legacy=False):
     """OpenCV's own drawing of the board, warped, and the true corners in px."""
     side = 60
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_100)
-    flat = cv2.aruco.CharucoBoard((9, 7), 1.0, 0.5, dictionary).generateImage((9 * side, 7 * side), marginSize=0)
+    columns, rows = squares
+    drawn = cv2.aruco.CharucoBoard(squares, 1.0, 0.5, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_100))
+    drawn.setLegacyPattern(legacy)
+    flat = drawn.generateImage((columns * side, rows * side), marginSize=0)
     flat = cv2.copyMakeBorder(flat, side, side, side, side, cv2.BORDER_CONSTANT, value=255)
     if hide is not None:
         flat[hide] = 128
     image = cv2.warpPerspective(flat, homography, (800, 600), flags=cv2.INTER_AREA, borderValue=90)
     image = cv2.GaussianBlur(image, (0, 0), 0.8)
-    x, y = np.meshgrid(np.arange(8), np.arange(6))
+    x, y = np.meshgrid(np.arange(columns - 1), np.arange(rows - 1))
     flat_corners = np.stack([x.ravel(), y.ravel()], axis=1) * side + 2 * side - 0.5
     return image, apply_homography(homography, flat_corners)
 
@@ -52,6 +54,19 @@ def test_markers_tell_a_reflection():
     assert np.linalg.norm(corners.uv - (truth * [-1, 1] + [799, 0]), axis=1).max() < 0.15
 
 
+@pytest.mark.parametrize("squares", [(9, 6), (8, 6), (6, 8), (5, 4)])
+@pytest.mark.parametrize("legacy", [False, True])
+@pytest.mark.parametrize("reflected", [False, True])
+def test_boards_drawn_by_old_opencv_are_known_by_their_markers(squares, legacy, reflected):
+    """Before 4.6 an even number of rows began with a white square; calib.io's boards still do."""
+    image, truth = view(HOMOGRAPHY, squares=squares, legacy=legacy)
+    if reflected:
+        image, truth = image[:, ::-1], truth * [-1, 1] + [799, 0]
+    corners = detect_board(image, Charuco(squares[0] - 1, squares[1] - 1, "DICT_4X4_100", 0.5))
+    assert np.array_equal(corners.ids, np.arange(len(truth)))
+    assert np.linalg.norm(corners.uv - truth, axis=1).max() < 0.15
+
+
 def test_corners_without_markers_get_their_ids_from_the_lattice():
     image, truth = view(HOMOGRAPHY, hide=np.s_[:170, :250])
     corners = detect_board(image, BOARD)
@@ -68,6 +83,20 @@ def test_another_dictionary_is_named():
     other = parse_board("charuco:9x7:DICT_5X5_100:0.5")
     reason = detect_board(view(HOMOGRAPHY)[0], other).reason
     assert "those of DICT_4X4_50 or a larger one" in reason
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("charuco:7x9:DICT_4X4_100:0.5", "as on a board of 9 columns of squares, not 7"),
+        ("charuco:10x7:DICT_4X4_100:0.5", "as on a board of 9 columns of squares, not 10"),
+        ("charuco:9x7:DICT_4X4_100:0.8", "their side is about 0.5 of a square's, not 0.8"),
+        ("charuco:9x7:DICT_4X4_100:0.3", "their side is about 0.5 of a square's, not 0.3"),
+    ],
+)
+def test_what_the_markers_say_about_the_board_is_told(spec, words):
+    for image in (view(HOMOGRAPHY)[0], view(HOMOGRAPHY)[0][:, ::-1]):
+        assert words in detect_board(image, parse_board(spec)).reason
 
 
 def test_descriptions_are_read_back():
