@@ -293,11 +293,11 @@ def test_images_of_another_size_than_the_camera(refused, run, camera, photograph
     assert [p.name for p in Path("out").iterdir()] == ["small-00.png"]
 
 
-def test_boards_of_another_size_than_the_camera(refused, camera):
+def test_photographs_of_another_size_are_refused_before_boards_are_looked_for(refused, camera):
     image = Path("a.png")
     rng = np.random.default_rng(0)
     write_image(image, rng.integers(0, 255, (240, 320), dtype=np.uint8))
-    assert refused("evaluate", camera, image)
+    assert "the images are 320x240 px, but" in refused("evaluate", camera, image)
 
 
 # --- where results go ----------------------------------------------------------------------------------------

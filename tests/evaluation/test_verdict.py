@@ -173,6 +173,8 @@ def test_boards_that_disagree_are_remarked_on(barrel_set, barrel_calibration):
     calibration = dataclasses.replace(barrel_calibration, details={"disagreement": 3.93})
     verdict = judge(dataclasses.replace(evaluation, calibration=calibration), barrel_set)
     assert "the boards disagree 3.9 times as much as corner noise explains" in verdict.sentence
+    elsewhere = judge(dataclasses.replace(evaluation, calibration=calibration, unseen=True), barrel_set)
+    assert "the boards of its calibration disagree" in elsewhere.sentence
 
 
 def test_a_camera_of_another_lens_is_poor(barrel_calibration):
@@ -190,8 +192,11 @@ def test_a_camera_of_another_lens_is_poor(barrel_calibration):
     ],
 )
 def test_a_place_in_words(centre, words):
-    outline = np.add(centre, [[-10, -10], [10, -10], [10, 10], [-10, 10]])
-    assert place(NextBoard(Pose(np.eye(3), np.zeros(3)), outline, 1.0, 0.5), (1000, 800)) == words
+    outline = np.add(centre, [[-150, -90], [150, -90], [150, 90], [-150, 90]])
+    facing = NextBoard(Pose(np.eye(3), np.zeros(3)), outline, 3.0, 1.0, 0.5)
+    assert place(facing, (1000, 800)) == f"{words}, 30 % of the image wide"
+    tilted = dataclasses.replace(facing, tilt_deg=24.6)
+    assert place(tilted, (1000, 800)) == f"{words}, 30 % of the image wide, tilted by 25°"
 
 
 def test_boards_too_few_to_tell_what_makes_them_differ_make_no_good_camera(barrel_set, barrel_calibration):

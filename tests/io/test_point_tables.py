@@ -75,7 +75,7 @@ def test_files_from_spreadsheets_are_read(tmp_path):
         ("", "is empty; a header line such as u,v"),
         ("\n\n", "is empty"),
         ("1,2\n3,4\n", "line 1: numbers where a header such as u,v is needed"),
-        ("u;v\n1;2\n", "line 1: a header of 1 columns was found where 2 are needed, separated by commas"),
+        ("u;v\n1;2\n", "line 1: the header has 1 of the 2 columns that are needed, separated by commas"),
         ("u,v\n1,2\n\n3,4\n", "line 3: 0 numbers were found where 2 are needed"),
         ("u,v\n1,2\n3\n", "line 3: 1 numbers were found where 2 are needed"),
         ("u,v\n1,2\n3,\n", "line 3: '' was found where a finite number"),

@@ -97,7 +97,7 @@ def test_what_a_fitted_view_leaves_out_is_said(files, tmp_path):
     for options in ((), ("--keep", "valid"), ("--fov", "40")):
         assert said(files, tmp_path, *options) == ""
     note = said(files, tmp_path, "--turn", "50")
-    turned = re.fullmatch(r"note: (.*)% of the known part of the photograph .*\n", note)
+    turned = re.fullmatch(r"note: (.*) % of the known part of the photograph .*\n", note)
     camera = read_camera(files / "camera.npz").camera
     view = views.named_view(camera, "camera", None, None, turn=(50.0, 0.0, 0.0))
     shown = np.zeros((SIZE[1], SIZE[0]), bool)

@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from pinholify.cli.options import examples, json_option, print_json
-from pinholify.cli.sources import gather_corners
+from pinholify.cli.sources import gather_corners, size_of_first
+from pinholify.errors import CalibrationError, CameraFileError, ImageError
 
 
 @click.command("evaluate", epilog=examples("pinholify evaluate camera.npz photos/ --json"))
@@ -28,7 +29,6 @@ def command(
     its handedness and the image size are taken from the camera file.
     """
     from pinholify.cli.evaluation_output import print_evaluation, to_json
-    from pinholify.errors import CalibrationError, CameraFileError, ImageError
     from pinholify.evaluation.summary import evaluate
     from pinholify.evaluation.verdict import judge
     from pinholify.io.camera_file import read_camera
@@ -39,12 +39,10 @@ def command(
     board = calibration.corner_set.board
     if calibration.findings.board_known is False:
         raise CameraFileError(f"'{camera}' was imported without a board; import it again with --board")
+    if table is None:
+        check_size(size_of_first(images), size, camera)  # looking for boards takes long
     corners = gather_corners(images, table, board, size if table is not None else None, mirrored)
-    if corners.image_size != size:
-        raise ImageError(
-            f"the images are {corners.image_size[0]}x{corners.image_size[1]} px, but '{camera}' was calibrated at "
-            f"{size[0]}x{size[1]}: use images of that size, or calibrate again at this one"
-        )
+    check_size(corners.image_size, size, camera)
     evaluation = evaluate(
         calibration, corners, recalibrate=recalibrator(calibration), compare_opencv=opencv, kfold=folds
     )
@@ -55,3 +53,12 @@ def command(
         print_evaluation(evaluation, verdict)
     if strict and verdict.level == "poor":
         raise CalibrationError(f"the camera is not good enough: {verdict.sentence}")
+
+
+def check_size(found: tuple[int, int] | None, size: tuple[int, int], camera: Path) -> None:
+    """Raise ImageError if images of the size ``found``, where it is known, are not of the ``size`` of ``camera``."""
+    if found not in (None, size):
+        raise ImageError(
+            f"the images are {found[0]}x{found[1]} px, but '{camera}' was calibrated at {size[0]}x{size[1]}: use "
+            "images of that size, or calibrate again at this one"
+        )

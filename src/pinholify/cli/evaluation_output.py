@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinholify.calibration.result import Calibration
+from pinholify.calibration.result import IMPORTED, Calibration
 from pinholify.evaluation.summary import Evaluation
 from pinholify.evaluation.verdict import Verdict
 from pinholify.evaluation.wrong_corners import sentences
@@ -139,8 +139,8 @@ def _board_shape(calibration: Calibration) -> list[tuple[str, str]]:
         bow = found.board_bow_squares
         facts.append(("board's bow", f"{bow:.4f} squares{_millimetres(bow, calibration.square_mm)}"))
     if found.board_stretch is not None:
-        lean = found.board_shear or 0.0
-        facts.append(("its print", f"{found.board_stretch:+.3%} longer along y than along x, leaning by {lean:+.3%}"))
+        longer, lean = 100 * found.board_stretch, 100 * (found.board_shear or 0.0)
+        facts.append(("its print", f"{longer:+.3f} % longer along y than along x, leaning by {lean:+.3f} %"))
     if found.board_warp_squares is not None:
         warp = found.board_warp_squares
         millimetres = _millimetres(warp, calibration.square_mm)
@@ -183,11 +183,11 @@ def _comparison(evaluation: Evaluation) -> Table:
     """The table of held-out and in-sample errors, which never share a column."""
     from rich.table import Table
 
-    pooled = evaluation.pooled
+    calibration, pooled = evaluation.calibration, evaluation.pooled
     in_sample = _is_in_sample(evaluation)
     table = Table("model", "held out, px", "in sample, px", "RE in sample, %", box=None, pad_edge=True)
     table.add_row(
-        f"pinholify {evaluation.calibration.method}",
+        "the imported camera" if calibration.method == IMPORTED else f"pinholify {calibration.method}",
         _number(evaluation.heldout_px),
         _number(pooled.re_px if in_sample else None),
         _number(pooled.re_refined_percent if in_sample else None),

@@ -102,5 +102,5 @@ def print_adopted(theirs: ForeignCamera, adopted: Adopted) -> None:
         fx, fy = theirs.focal
         say(f"note: the image is a reflection, because fx = {fx:g} and fy = {fy:g}: is there a mirror?")
     if adopted.covered < FULL:
-        left_out = 1.0 - adopted.covered
-        say(f"note: {left_out:.1%} of the image is left out: there the lens model folds, ends or bends too sharply")
+        left_out = 100 * (1.0 - adopted.covered)
+        say(f"note: {left_out:.1f} % of the image is left out: there the lens model folds, ends or bends too sharply")

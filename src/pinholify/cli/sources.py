@@ -12,7 +12,7 @@ import click
 
 from pinholify.cli.options import Auto, progress, say
 from pinholify.cli.stills import stills_for_videos
-from pinholify.errors import CalibrationError, CornerTableError
+from pinholify.errors import CalibrationError, CornerTableError, PinholifyError
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
@@ -30,6 +30,17 @@ def input_files(images: Sequence[Path], table: str | None) -> list[Path]:
     if bool(images) == (table is not None):
         raise click.UsageError("give either IMAGES or --corners FILE")
     return image_paths(images) if table is None else [Path(table)]
+
+
+def size_of_first(images: Sequence[Path]) -> tuple[int, int] | None:
+    """Width and height in px of the first of the image files; None for a video, and where it cannot be read."""
+    from pinholify.io.images import image_paths, read_image
+
+    try:
+        height, width = read_image(image_paths(images)[0]).shape[:2]
+    except (IndexError, PinholifyError):
+        return None
+    return width, height
 
 
 def detect_with_progress(

@@ -64,7 +64,7 @@ class ViewChoice:
             return []
         outside = share_outside(camera, view, self.max_std)
         wider = "--fov, or --view cylindrical or equirectangular, shows more"
-        return [f"{outside:.1%} of the known part of the photograph lies outside the view; {wider}"] * (
+        return [f"{100 * outside:.1f} % of the known part of the photograph lies outside the view; {wider}"] * (
             outside >= LEAST_SAID
         )
 

@@ -95,10 +95,10 @@ class Evaluation:
     """All measures of a calibration on a set of corners.
 
     ``pooled`` counts all boards; ``pooled_without_reference`` leaves out the reference, which the map was fitted to.
-    ``heldout_px`` is the error of a calibration on half of the boards; on photographs that the camera was not made from
-    it is the error of the camera itself, and OpenCV's models are trained on the camera's own photographs. ``kfold_px``,
-    if requested, trains on all but a fifth. ``wrong`` are the corners that the fit rejected as grossly wrong: no
-    measure of any method uses them.
+    ``heldout_px`` is the error of a calibration on half of the boards; on ``unseen`` photographs, of which the camera
+    was made from none, it is the error of the camera itself, and OpenCV's models are trained on the camera's own.
+    ``kfold_px``, if requested, trains on all but a fifth. ``wrong`` are the corners that the fit rejected as grossly
+    wrong: no measure of any method uses them.
     """
 
     calibration: Calibration
@@ -113,6 +113,7 @@ class Evaluation:
     kfold_px: float | None
     opencv: dict[str, OpenCVScore]
     wrong: WrongCorners
+    unseen: bool
 
 
 @solving()
@@ -160,6 +161,7 @@ def evaluate(
         kfold_px,
         opencv,
         wrong,
+        strange,
     )
 
 

@@ -33,6 +33,7 @@ ENOUGH_COVERAGE = 0.6
 STRUCTURED = 0.01  # p-value
 ALIKE = 1e-4  # p-value: wrong corners with a common error did not arise by chance but through a fault of the camera
 WRONG_RATIO = 2.0  # times the residuals of the other boards
+LEAST_TILT_DEG = 5.0  # of a board, that is worth a word
 FINEST_PX = 0.03  # per point: corners cannot be located more finely even in perfect pictures, so less means nothing
 ROUGH = "(blurred photographs, a bent board, or two cameras?)"
 GRID = 64
@@ -170,8 +171,15 @@ def cell_centres(image_size: tuple[int, int], columns: int, rows: int) -> Floats
 
 
 def place(advice: NextBoard, image_size: tuple[int, int]) -> str:
-    """Where in the image ``advice`` lies, in words such as ``at the upper left``."""
-    x, y = advice.outline.mean(axis=0) / image_size
+    """Where ``advice`` is, in words such as ``at the upper left, 40 % of the image wide, tilted by 20°``."""
+    width = float(np.ptp(advice.outline[:, 0])) / image_size[0]
+    tilt = f", tilted by {round(advice.tilt_deg):d}°" * (advice.tilt_deg >= LEAST_TILT_DEG)
+    return f"{_position(advice.outline, image_size)}, {100 * width:.0f} % of the image wide{tilt}"
+
+
+def _position(outline: Floats, image_size: tuple[int, int]) -> str:
+    """Where in the image the ``outline`` (n, 2) px lies, in words such as ``at the upper left``."""
+    x, y = outline.mean(axis=0) / image_size
     column = "left" if x < 0.4 else "right" if x > 0.6 else ""
     row = "upper" if y < 0.4 else "lower" if y > 0.6 else ""
     names = {("", ""): "in the middle", ("", "upper"): "at the top", ("", "lower"): "at the bottom"}
@@ -212,7 +220,8 @@ def _level(
         reasons.append(f"boards cover only {100 * covered:.0f} % of the image")
     if evaluation.calibration.findings.too_few_boards:
         reasons.append(
-            "the boards disagree, through motion or an uneven board: a few more photographs would show which"
+            f"the boards {_of_its_own(evaluation)}disagree, through motion or an uneven board: a few more photographs "
+            "would show which"
         )
     if suspicious:
         reasons.append(f"suspicious boards: {_listed([s.name for s in suspicious])}")
@@ -248,19 +257,24 @@ def _remarks(evaluation: Evaluation, structure: Structure, shared: SharedError) 
             f"each corner of the board has the same error on every photograph, {shared.rms_px:.2g} px "
             f"(p = {shared.p_value:.1g}): check that the board is flat and accurately printed"
         )
-    moved = evaluation.calibration.findings.motion_px
+    whose, moved = _of_its_own(evaluation), evaluation.calibration.findings.motion_px
     if np.sqrt(2.0) * moved > FINEST_PX:
         remarks.append(
-            f"the boards moved by {moved:.2g} px during the rolling shutter, which is modelled: keep camera and board "
-            "still for a better result"
+            f"the boards {whose}moved by {moved:.2g} px during the rolling shutter, which is modelled: keep camera and "
+            "board still for a better result"
         )
     factor = evaluation.calibration.findings.disagreement
     if factor > 1.0:
         remarks.append(
-            f"the boards disagree {factor:.2g} times as much as corner noise explains (bent, blurred or moving "
+            f"the boards {whose}disagree {factor:.2g} times as much as corner noise explains (bent, blurred or moving "
             "boards?): the error bars include this"
         )
     return remarks
+
+
+def _of_its_own(evaluation: Evaluation) -> str:
+    """Words that tell the boards that the camera was made from from others that it is scored on."""
+    return "of its calibration " if evaluation.unseen else ""
 
 
 def _left_out(evaluation: Evaluation) -> str:

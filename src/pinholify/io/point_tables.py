@@ -83,7 +83,7 @@ def _check_header(name: str, lines: list[str], columns: int) -> None:
         raise InputError(f"'{name}', line 1: numbers where a header such as {example} is needed; add one")
     if len(fields) < columns:
         raise InputError(
-            f"'{name}', line 1: a header of {len(fields)} columns was found where {columns} are needed, "
+            f"'{name}', line 1: the header has {len(fields)} of the {columns} columns that are needed, "
             f"separated by commas, for example {example}"
         )
 

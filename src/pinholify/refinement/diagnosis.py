@@ -134,11 +134,13 @@ def suspicious_boards(result: Residuals, corners: CornerSet) -> list[BoardSuspic
 class NextBoard:
     """A place for the next board: its ``pose``, its ``outline`` (n, 2) px in the image, and its benefit.
 
-    ``std_before`` and ``std_after`` are the RMS of the predicted standard deviation over the image, in px.
+    ``tilt_deg`` is the angle at its middle between its normal and the line of sight. ``std_before`` and
+    ``std_after`` are the RMS of the predicted standard deviation over the image, in px.
     """
 
     pose: Pose
     outline: Floats
+    tilt_deg: float
     std_before: float
     std_after: float
 
@@ -171,7 +173,12 @@ def next_board(
     if best is None:
         return None
     before, after = (float(np.sqrt(sum_of_squares / len(spread))) for sum_of_squares in (variance, variance - most))
-    return NextBoard(best, camera.project(best.apply(_outline(board))), before, after)
+    return NextBoard(best, camera.project(best.apply(_outline(board))), _tilt_deg(best, board), before, after)
+
+
+def _tilt_deg(pose: Pose, board: Board) -> float:
+    middle = pose.apply(lattice(board).mean(axis=0, keepdims=True))[0]
+    return float(np.degrees(np.arccos(np.clip(pose.rotation[:, 2] @ middle / np.linalg.norm(middle), -1.0, 1.0))))
 
 
 def _image_grid(image_size: tuple[int, int], count: int) -> Floats:

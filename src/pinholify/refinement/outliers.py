@@ -78,7 +78,7 @@ def misfitting_boards(residual: Floats, noise: float, seen: Observations) -> dic
         ratio = robust_scale(length[rows])
         if far[k] > MAX_OUTLIER_SHARE or ratio > MAX_RESIDUAL_RATIO:
             found[k] = (
-                f"{far[k]:.0%} of its corners lie more than {OUTLIER_LIMIT:g} standard deviations off, and its "
+                f"{100 * far[k]:.0f} % of its corners lie more than {OUTLIER_LIMIT:g} standard deviations off, and its "
                 f"residuals are {ratio:.1f} times those of the others: it moved during the exposure, or its corners "
                 "are numbered wrongly"
             )

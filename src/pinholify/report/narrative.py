@@ -400,8 +400,8 @@ def _shape_rows(report: Report) -> list[tuple[str, str]]:
     if model.bow is not None:
         rows.append(("board, bow", f"{_length(model.bow, model.square_mm)} from flat"))
     if model.stretch is not None:
-        lean = "" if model.shear is None else f", columns leaning by {model.shear:+.3%}"
-        rows.append(("board, print", f"{model.stretch:+.3%} longer along y than along x{lean}"))
+        lean = "" if model.shear is None else f", columns leaning by {100 * model.shear:+.3f} %"
+        rows.append(("board, print", f"{100 * model.stretch:+.3f} % longer along y than along x{lean}"))
     if model.warp is not None:
         rows.append(("board, corners", f"{_length(model.warp, model.square_mm)} RMS beyond that"))
     if model.motion_px is not None:

@@ -94,7 +94,7 @@ def test_k_is_that_of_the_pictures_made_with_the_command_it_states(run, camera, 
 
 @pytest.mark.parametrize("options", [("--fov", "30"), ("--turn", "40")])
 def test_what_lies_outside_the_view_is_said(run, options):
-    share = r"note: \d+\.\d% of the trusted part of the original image lies outside the view\n"
+    share = r"note: \d+\.\d % of the trusted part of the original image lies outside the view\n"
     assert re.search(share, run("--format", "ros", *options, "-o", "a.yaml")[2])
     assert not re.search(share, run("--format", "ros", "-o", "b.yaml")[2])
 

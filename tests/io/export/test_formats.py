@@ -355,7 +355,7 @@ def test_a_limit_of_the_std_is_stated_and_kept(tilted_camera):
 def test_losses_are_told(tilted_camera, export, tmp_path):
     lost = export_view(tilted_camera, "ros", tmp_path / "a.yaml", "camera", size=SIZE)
     share = 1.0 - export.rectification.valid.mean()
-    assert lost[0] == f"{share:.1%} of the view shows nothing that can be trusted and is black in its images"
+    assert lost[0] == f"{100 * share:.1f} % of the view shows nothing that can be trusted and is black in its images"
     assert "cannot hold the maps" in lost[-1]
 
 

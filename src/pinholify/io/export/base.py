@@ -87,9 +87,10 @@ class PinholeExport:
         unseen = share_outside(self.camera, self.view, self.max_std)
         sentences = []
         if empty >= 0.0005:
-            sentences.append(f"{empty:.1%} of the view shows nothing that can be trusted and is black in its images")
+            black = "shows nothing that can be trusted and is black in its images"
+            sentences.append(f"{100 * empty:.1f} % of the view {black}")
         if unseen >= 0.0005:
-            sentences.append(f"{unseen:.1%} of the trusted part of the original image lies outside the view")
+            sentences.append(f"{100 * unseen:.1f} % of the trusted part of the original image lies outside the view")
         return sentences
 
 

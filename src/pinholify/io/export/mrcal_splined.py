@@ -65,7 +65,7 @@ class SplinedModel:
         sentences = [f"{fit}, {rounded_up(self.largest_px)} px at most, where it can be trusted"]
         if self.left_out >= 0.0005:
             sentences.append(
-                f"{self.left_out:.1%} of the image cannot be trusted: there, outside its "
+                f"{100 * self.left_out:.1f} % of the image cannot be trusted: there, outside its "
                 "valid_intrinsics_region, the model extrapolates smoothly"
             )
         return [*sentences, "the format cannot hold standard deviations without mrcal's own optimization inputs"]

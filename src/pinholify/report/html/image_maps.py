@@ -30,7 +30,7 @@ def coverage_map(report: Report) -> Markup:
     if coverage.next_board is not None:
         dashes = f"{width / 60:.1f} {width / 90:.1f}"
         parts.append(outline([coverage.next_board], "next", stroke_width=width / 200, stroke_dasharray=dashes))
-    label = f"Map of the image: corners cover the outlined {coverage.share:.0%} of it"
+    label = f"Map of the image: corners cover the outlined {100 * coverage.share:.0f} % of it"
     return framed(drawing(size, *parts, label=label))
 
 
