@@ -1,22 +1,25 @@
 """The joint refinement, whole processes from corner table to camera, against mrcal, lensboy and OpenCV, in one run.
 
-    python benchmarks/peers.py BENCH_FOLDER [CASE ...] [--python PYTHON]
-    python benchmarks/peers.py BENCH_FOLDER --real DATA [SET ...] [--python PYTHON]
+    python benchmarks/peers.py [CASE ...] [--cases CASES.py] [--seeds N] [--mrcal PYTHON] [--lensboy PYTHON]
+    python benchmarks/peers.py --real DATA [SET ...] [--mrcal PYTHON] [--lensboy PYTHON]
 
-BENCH_FOLDER holds ``cases.py`` (synthetic corners with true rays), ``peer_mrcal.sh`` and ``peer_python.py``. Peers that
-are not installed are left out; PYTHON is an interpreter that has lensboy, OpenCV and SciPy, where this one has not.
-Errors are those of the rays, best rotation removed, in px rms inside the hull of all corners and over the whole image;
-times are of whole processes, on all processors together, ours without scoring itself, the shortest of three; modules
-are compiled before, as an installed program's are. The last columns are ours ÷ theirs.
+Cases are those of ``synthetic.py`` beside this file, or of a file with the same functions. PYTHON are interpreters
+that have mrcal (by default Debian's), and lensboy with OpenCV; peers that are not installed are left out. Errors are
+those of the rays, best rotation removed, in px rms inside the hull of all corners and over the whole image. Times are
+of whole processes, on all processors together, ours without scoring itself, the shortest of three; modules are compiled
+before, as an installed program's are. The last columns are ours ÷ theirs. With ``--seeds`` each case is drawn anew N
+times, and medians, smallest and largest errors are printed.
 
-With ``--real``, DATA holds folders of photographs (``REAL``). Every other complete board calibrates, the others are
-scored: each peer gives rays of their corners, to which three things are fitted for every camera alike, since boards are
-not flat and hands not still: a pose for each board; one shape for all of them; and for each a motion while the shutter
-rolls. The root mean squares of what is left, in px a point, are held-out errors: with pose and bow alone, and with all
-of these. All have the same corners, ours.
+With ``--real``, DATA holds folders of photographs (``REAL``; CONTRIBUTING.md says where they come from). Every other
+complete board calibrates, the others are scored: each peer gives rays of their corners, to which three things are
+fitted for every camera alike, since boards are not flat and hands not still: a pose for each board; one shape for all
+of them; and for each a motion while the shutter rolls. The root mean squares of what is left, in px a point, are
+held-out errors: with pose and bow alone, and with all of these. All have the same corners, ours.
 """
 
 import argparse
+import dataclasses
+import functools
 import importlib.util
 import os
 import resource
@@ -39,19 +42,20 @@ from pinholify.board import lattice
 from pinholify.io.images import image_paths
 from pinholify.refinement.shape import board_shape
 
+HERE = Path(__file__).parent
 REAL = {"gopro_wide": "8x6", "webcam_mild": "9x6", "charuco": "charuco:9x7:DICT_4X4_100:0.5"}
 FEWEST = 4  # boards that calibrate
 WARP, MOTION, NOISE = (0.003, 0.01), 1e-5, 0.05  # what boards are thought to do: squares, radians a row, px
 RUNS = 3
-FOCAL = {"pinhole": 2000, "barrel": 2000, "pincushion": 2000, "windshield": 850, "fisheye": 560,
+FOCAL = {"pinhole": 2000, "barrel": 2000, "pincushion": 2000, "rational": 700, "windshield": 850, "fisheye": 560,
          "gopro_wide": 560, "webcam_mild": 530, "charuco": 900}
-FIELD = {"pinhole": 100, "barrel": 100, "pincushion": 100, "windshield": 120, "fisheye": 170,
+FIELD = {"pinhole": 100, "barrel": 100, "pincushion": 100, "rational": 100, "windshield": 120, "fisheye": 170,
          "gopro_wide": 150, "webcam_mild": 90, "charuco": 90}
 SPLINE = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=16_Ny=10_fov_x_deg={}"
 
 
-def load_cases(folder):
-    spec = importlib.util.spec_from_file_location("cases", folder / "cases.py")
+def load_cases(file):
+    spec = importlib.util.spec_from_file_location("cases", file)
     module = importlib.util.module_from_spec(spec)
     sys.modules["cases"] = module
     spec.loader.exec_module(module)
@@ -66,26 +70,31 @@ def ours(work, name, board, size, out):
     return [calibrate, [*program, "map", str(camera), "--to", "rays", str(work / f"{name}.pixels.csv"), "-o", str(out)]]
 
 
-def peers(folder, python, work, name, board, size, out):
+def peers(pythons, work, name, board, size, out):
+    """Commands of the peers that are installed, by their label."""
     found = {}
-    if shutil.which("mrcal-calibrate-cameras"):
+    if has(pythons.mrcal, "mrcal"):
         model = SPLINE.format(FIELD[name])
-        script = str(folder / "peer_mrcal.sh")
-        found["mrcal 16x10"] = [["bash", script, str(work), name, board, size, str(FOCAL[name]), model, str(out)]]
-    models = {"OpenCV 8": "opencv8", "OpenCV fisheye": "fisheye"}
-    for label, model in models.items():
-        found[label] = [[sys.executable, str(folder / "peer_python.py"), str(work), name, model, str(out)]]
-    if subprocess.run([python, "-c", "import lensboy"], capture_output=True).returncode == 0:
-        lensboy = [python, str(folder / "peer_python.py"), str(work), name, "lensboy:16x10", str(out)]
-        found["lensboy 16x10"] = [lensboy]
-    return found
+        found["mrcal 16x10"] = [pythons.mrcal, HERE / "peer_mrcal.py", work, name, board, size, FOCAL[name], model, out]
+    for label, model in {"OpenCV 8": "opencv8", "OpenCV fisheye": "fisheye"}.items():
+        found[label] = [sys.executable, HERE / "peer_models.py", work, name, model, out]
+    if has(pythons.lensboy, "lensboy"):
+        found["lensboy 16x10"] = [pythons.lensboy, HERE / "peer_models.py", work, name, "lensboy:16x10", out]
+    return {label: [list(map(str, command))] for label, command in found.items()}
 
 
-def run(commands):
+def has(python, module):
+    """Whether the interpreter ``python`` exists and has ``module``."""
+    if shutil.which(python) is None:
+        return False
+    return subprocess.run([python, "-c", f"import {module}"], capture_output=True).returncode == 0
+
+
+def run(commands, runs):
     """Seconds of processor time, or None where a program fails or takes more than five minutes."""
     seconds = []
     try:
-        for _ in range(RUNS):
+        for _ in range(runs):
             start = spent()
             for command in commands:
                 subprocess.run(command, check=True, capture_output=True, timeout=300)
@@ -107,24 +116,41 @@ def true_errors(cases, work, name, out):
     return [float(np.sqrt(np.mean(errors[key] ** 2))) for key in ("covered", "image")]
 
 
-def compare(folder, python, work, name, board, size, score):
-    """Ours and every peer's ``score`` of the rays they write, and the time, as ratios."""
+def measured(pythons, work, name, board, size, score, runs=RUNS):
+    """Errors and seconds by program, ours first; None for a program that failed."""
     out = work / f"{name}.rays.csv"
-    seconds = run(ours(work, name, board, size, out))
-    own = score(out)
+    found = {}
+    for label, commands in {"pinholify": ours(work, name, board, size, out),
+                            **peers(pythons, work, name, board, size, out)}.items():
+        seconds = run(commands, runs)
+        found[label] = None if seconds is None else (score(out), seconds)
+    return found
+
+
+def report(name, found):
+    """Print ours and every peer's errors and times, and the ratios."""
+    own, seconds = found.pop("pinholify")
     print(f"{name:11s} pinholify       {listed(own)} px  {seconds:6.1f} s", flush=True)
-    for label, commands in peers(folder, python, work, name, board, size, out).items():
-        peer_seconds = run(commands)
-        if peer_seconds is None:
+    for label, peer in found.items():
+        if peer is None:
             print(f"{'':11s} {label:15s} failed", flush=True)
             continue
-        theirs = score(out)
+        theirs, peer_seconds = peer
         ratios = listed([a / b for a, b in zip(own, theirs, strict=True)])
         print(
             f"{'':11s} {label:15s} {listed(theirs)} px  {peer_seconds:6.1f} s   ours / theirs: {ratios}, "
             f"time {seconds / peer_seconds:.2f}",
             flush=True,
         )
+
+
+def report_spread(name, draws):
+    """Print the medians of every program's errors over all ``draws``, the smallest and the largest."""
+    for label in draws[0]:
+        errors = np.array([found[label][0] for found in draws if found[label] is not None])
+        failed = f", {len(draws) - len(errors)} failed" * (len(errors) < len(draws))
+        spread = " / ".join(f"{np.median(e):.3f} ({e.min():.3f} to {e.max():.3f})" for e in errors.T)
+        print(f"{name if label == 'pinholify' else '':11s} {label:15s} {spread} px{failed}", flush=True)
 
 
 def listed(values):
@@ -192,18 +218,25 @@ def flat_pose(places, ray):
     return np.append(Rotation.from_matrix(turn.T @ cv2.Rodrigues(vector)[0]).as_rotvec(), turn.T @ shift[:, 0])
 
 
-def synthetic(folder, python, work, names):
-    cases = load_cases(folder)
-    cases.make(work, names or list(cases.CASES))
-    for name in names or cases.CASES:
-        case = cases.CASES[name]
-        board, size = (f"{a}x{b}" for a, b in (case.board, case.lens.size))
-        compare(folder, python, work, name, board, size, lambda out, name=name: true_errors(cases, work, name, out))
+def synthetic(options, work):
+    cases = load_cases(options.cases)
+    for name in options.case or cases.CASES:
+        draws = []
+        for seed in range(1, options.seeds + 1):
+            drawn = {name: dataclasses.replace(cases.CASES[name], seed=seed)} if options.seeds > 1 else cases.CASES
+            cases.make(work, [name], drawn)
+            board, size = (f"{a}x{b}" for a, b in (drawn[name].board, drawn[name].lens.size))
+            score = functools.partial(true_errors, cases, work, name)
+            draws.append(measured(options, work, name, board, size, score, RUNS if options.seeds == 1 else 1))
+        if options.seeds == 1:
+            report(name, draws[0])
+        else:
+            report_spread(name, draws)
 
 
-def real(folder, python, work, data, names):
-    for name in names or REAL:
-        boards, corner_set = complete_boards(data / name, REAL[name])
+def real(options, work):
+    for name in options.case or REAL:
+        boards, corner_set = complete_boards(options.real / name, REAL[name])
         training, testing = boards[::2], boards[1::2]
         print(f"{name}: {len(training)} complete boards calibrate, {len(testing)} are scored", flush=True)
         if len(training) < FEWEST:
@@ -211,27 +244,23 @@ def real(folder, python, work, data, names):
             continue
         write_set(work, name, training, testing, corner_set)
         board, (width, height) = corner_set.board, corner_set.image_size
-        compare(folder, python, work, name, f"{board.columns}x{board.rows}", f"{width}x{height}",
-                lambda out, board=board, testing=testing: heldout_errors(board, testing, out))
+        score = functools.partial(heldout_errors, board, testing)
+        report(name, measured(options, work, name, f"{board.columns}x{board.rows}", f"{width}x{height}", score))
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
     parser.add_argument("case", nargs="*")
+    parser.add_argument("--cases", type=Path, default=HERE / "synthetic.py", metavar="CASES.py")
+    parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--real", type=Path, metavar="DATA")
-    parser.add_argument("--python", default=sys.executable)
+    parser.add_argument("--mrcal", default="/usr/bin/python3", metavar="PYTHON")
+    parser.add_argument("--lensboy", default=sys.executable, metavar="PYTHON")
     options = parser.parse_intermixed_args()
-    folder = options.folder.resolve()
-    if not (folder / "cases.py").exists():
-        parser.error(f"{folder} holds no cases.py")
     with tempfile.TemporaryDirectory() as work:
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
         os.environ["PYTHONPYCACHEPREFIX"] = f"{work}/modules"
-        if options.real:
-            real(folder, options.python, Path(work), options.real, options.case)
-        else:
-            synthetic(folder, options.python, Path(work), options.case)
+        (real if options.real else synthetic)(options, Path(work))
 
 
 if __name__ == "__main__":
