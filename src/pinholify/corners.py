@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinholify.arrays import Floats, Ints, frozen
+from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.board import Board, lattice_points, size
 from pinholify.errors import InputError
 
 SAME = "it has the same corners as"
 """Why a view that repeats another does not count; the other's name follows."""
+
+SAME_PLACE_PX = 1.0
+"""Two detections of one corner in one photograph differ by less; corners of two photographs rarely do."""
 
 _ALL_ONES: Any = None
 """Stands for the weights of :class:`Corners` until it makes them."""
@@ -104,6 +107,24 @@ def repeated(views: Iterable[Corners]) -> dict[str, str]:
         if view.found and first.setdefault(key, view.name) != view.name:
             repeats[view.name] = first[key]
     return repeats
+
+
+def in_common(view: Corners, other: Corners) -> Bools:
+    """Mask (n,) of the corners of ``view`` that ``other`` has too, by id, less than ``SAME_PLACE_PX`` away."""
+    _, mine, theirs = np.intersect1d(view.ids, other.ids, assume_unique=True, return_indices=True)
+    common = np.zeros(len(view), dtype=bool)
+    common[mine] = np.linalg.norm(view.uv[mine] - other.uv[theirs], axis=1) < SAME_PLACE_PX
+    return common
+
+
+def same_photograph(view: Corners, other: Corners) -> bool:
+    """Whether both are corners of one photograph: of one file name, with most of the fewer corners in common.
+
+    Folders in names do not matter, since names have only as many as make them unique. Corners may have been rounded in
+    a table, fitted again or found with other settings; names alone may coincide, as those of two cameras' photographs.
+    """
+    alike = view.name.rsplit("/", 1)[-1] == other.name.rsplit("/", 1)[-1]
+    return bool(alike and 2 * in_common(view, other).sum() > min(len(view), len(other)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -173,7 +173,7 @@ def test_boards_that_disagree_are_remarked_on(barrel_set, barrel_calibration):
     calibration = dataclasses.replace(barrel_calibration, details={"disagreement": 3.93})
     verdict = judge(dataclasses.replace(evaluation, calibration=calibration), barrel_set)
     assert "the boards disagree 3.9 times as much as corner noise explains" in verdict.sentence
-    elsewhere = judge(dataclasses.replace(evaluation, calibration=calibration, unseen=True), barrel_set)
+    elsewhere = judge(dataclasses.replace(evaluation, calibration=calibration, known=frozenset()), barrel_set)
     assert "the boards of its calibration disagree" in elsewhere.sentence
 
 

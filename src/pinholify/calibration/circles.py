@@ -24,7 +24,6 @@ from pinholify.corners import Corners, CornerSet
 NEIGHBOURS = 13  # points, a disc's own included, of the quadratic that gives the curvature of the lattice there
 OUTLINE_POINTS = 16  # of a disc
 CENTRING_ROUNDS = 2  # a pose from centroids is slightly off; that of the second round is from centres
-SAME_CORNER_PX = 0.1  # corners of views of one name that differ by less are those of one photograph
 
 
 def centred(corner_set: CornerSet, calibration: Calibration) -> CornerSet:
@@ -35,9 +34,8 @@ def centred(corner_set: CornerSet, calibration: Calibration) -> CornerSet:
     """
     if not needs_centres(corner_set):
         return corner_set
-    known = {view.name: view for view in calibration.corner_set.found}
     moved = true_centres(corner_set, calibration.camera)
-    return replace(moved, views=tuple(_known(view, known.get(view.name)) for view in moved.views))
+    return moved.with_views(_known(view, calibration.known(view)) for view in moved.views)
 
 
 def needs_centres(corner_set: CornerSet) -> bool:
@@ -68,9 +66,7 @@ def true_centres(corner_set: CornerSet, camera: VirtualCamera) -> CornerSet:
 
 
 def _known(view: Corners, known: Corners | None) -> Corners:
-    if known is None or not np.array_equal(view.ids, known.ids) or np.abs(view.uv - known.uv).max() > SAME_CORNER_PX:
-        return view
-    return known
+    return view if known is None or not np.array_equal(view.ids, known.ids) else replace(known, name=view.name)
 
 
 def _moved_by_neighbours(view: Corners, board: CircleGrid) -> Corners:

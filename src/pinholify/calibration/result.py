@@ -11,7 +11,7 @@ from pinholify.board import lattice as board_lattice
 from pinholify.calibration.findings import Findings, findings_of
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
-from pinholify.corners import CornerSet
+from pinholify.corners import Corners, CornerSet, same_photograph
 
 IMPORTED = "imported"
 """The method of a calibration imported from another program."""
@@ -67,6 +67,10 @@ class Calibration:
     def findings(self) -> Findings:
         """What the method found besides the camera."""
         return findings_of(self.details)
+
+    def known(self, view: Corners) -> Corners | None:
+        """The corners of the same photograph that the camera was made from; None where it was not made from it."""
+        return next((own for own in self.corner_set.found if same_photograph(view, own)), None)
 
     def solid(self, lattice: Floats) -> Floats:
         """The board's points (n, 3) in squares for lattice coordinates ``lattice`` (n, 2)."""

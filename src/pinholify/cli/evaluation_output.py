@@ -184,7 +184,7 @@ def _comparison(evaluation: Evaluation) -> Table:
     from rich.table import Table
 
     calibration, pooled = evaluation.calibration, evaluation.pooled
-    in_sample = _is_in_sample(evaluation)
+    in_sample = evaluation.in_sample
     table = Table("model", "held out, px", "in sample, px", "RE in sample, %", box=None, pad_edge=True)
     table.add_row(
         "the imported camera" if calibration.method == IMPORTED else f"pinholify {calibration.method}",
@@ -196,12 +196,6 @@ def _comparison(evaluation: Evaluation) -> Table:
     for name, score in evaluation.opencv.items():
         table.add_row(name, _number(score.heldout_px), _number(score.insample_px), _number(score.re_percent))
     return table
-
-
-def _is_in_sample(evaluation: Evaluation) -> bool:
-    """Whether the camera was made from exactly these boards; only then is its error in-sample."""
-    known = {view.name: len(view) for view in evaluation.calibration.corner_set.views}
-    return all(known.get(board.file) == board.corners for board in evaluation.boards if board.used)
 
 
 def _number(value: float | None) -> str:

@@ -95,8 +95,10 @@ class Evaluation:
     """All measures of a calibration on a set of corners.
 
     ``pooled`` counts all boards; ``pooled_without_reference`` leaves out the reference, which the map was fitted to.
-    ``heldout_px`` is the error of a calibration on half of the boards; on ``unseen`` photographs, of which the camera
-    was made from none, it is the error of the camera itself, and OpenCV's models are trained on the camera's own.
+    ``known`` are the names of the photographs that the camera was made from. ``heldout_px`` is the error of a
+    calibration on half of the boards; where no photograph is known it is the error of the camera itself, and OpenCV's
+    models are trained on the camera's own. Where only some are known, half of all boards train and the others are
+    scored: the error is held out, but that of a camera from these photographs rather than of this one.
     ``kfold_px``, if requested, trains on all but a fifth. ``wrong`` are the corners that the fit rejected as grossly
     wrong: no measure of any method uses them.
     """
@@ -113,7 +115,17 @@ class Evaluation:
     kfold_px: float | None
     opencv: dict[str, OpenCVScore]
     wrong: WrongCorners
-    unseen: bool
+    known: frozenset[str]
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the camera was made from none of the photographs."""
+        return not self.known
+
+    @property
+    def in_sample(self) -> bool:
+        """Whether the camera was made from all photographs that count."""
+        return self.known.issuperset(self.observed)
 
 
 @solving()
@@ -132,14 +144,15 @@ def evaluate(
     """
     corner_set, notes = _numbered(calibration, corner_set)
     corner_set = centred(corner_set, calibration)
-    strange, wrong = unseen(calibration, corner_set), wrong_corners(calibration, corner_set)
+    known = frozenset(view.name for view in corner_set.found if calibration.known(view))
+    wrong = wrong_corners(calibration, corner_set)
     corner_set = wrong.left_out_of(corner_set)
     mapped, observed = observe(calibration.camera, corner_set, calibration.solid, calibration.closed_form)
     if not observed:
-        raise _unscorable(mapped, ELSEWHERE if strange else UNDETERMINED)
+        raise _unscorable(mapped, UNDETERMINED if known else ELSEWHERE)
     lines = pinhole_lines(calibration.camera, list(observed.values()))
     views = [v for v in corner_set.views if v.name in observed]
-    if strange:
+    if not known:
         split = unseen_split(calibration, corner_set.found)
         heldout, reason = heldout_rms(camera_residuals(calibration), split.test), NO_BOARD_LOCATED
     else:
@@ -161,7 +174,7 @@ def evaluate(
         kfold_px,
         opencv,
         wrong,
-        strange,
+        known,
     )
 
 
@@ -170,14 +183,6 @@ def _numbered(calibration: Calibration, corner_set: CornerSet) -> Numbered:
     alike, reversed_ones = numbered_alike(corner_set, calibration.camera.mirrored)
     alike, turned = turned_alike(calibration, alike)
     return Numbered(alike, {**reversed_ones, **turned})
-
-
-def unseen(calibration: Calibration, corner_set: CornerSet) -> bool:
-    """Whether ``calibration`` was made from none of the views of ``corner_set``."""
-    known = {view.name: view for view in calibration.corner_set.found}
-    return not any(
-        view.name in known and np.array_equal(view.uv, known[view.name].uv) for view in corner_set.found
-    )
 
 
 def _unscorable(mapped: Sequence[MappedBoard], remedy: str) -> CalibrationError:

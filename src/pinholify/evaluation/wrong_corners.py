@@ -14,7 +14,7 @@ from scipy.special import bdtrc
 
 from pinholify.arrays import Bools
 from pinholify.calibration.result import Calibration
-from pinholify.corners import Corners, CornerSet
+from pinholify.corners import Corners, CornerSet, in_common
 
 MANY = 0.02  # of all corners: more than a suitable detector gets wrong
 TOO_MANY = 0.10  # half of the share of random gross errors that begins to affect the camera
@@ -69,20 +69,16 @@ class WrongCorners:
 def wrong_corners(calibration: Calibration, corner_set: CornerSet) -> WrongCorners:
     """The corners of ``corner_set`` that the fit of ``calibration`` rejected as grossly wrong.
 
-    There are none in views that it was not made from, nor for a method that rejects no corners.
+    There are none in photographs that it was not made from, nor for a method that rejects no corners.
     """
     named = calibration.findings.wrong_corners
-    known = {view.name: view for view in calibration.corner_set.found if view.name in named}
+    known = {view.name: own for view in corner_set.found if (own := calibration.known(view)) and own.name in named}
     masks = {
-        view.name: np.isin(view.ids, named[view.name])
+        view.name: np.isin(view.ids, named[known[view.name].name]) & in_common(view, known[view.name])
         for view in corner_set.found
-        if view.name in known and _same(view, known[view.name])
+        if view.name in known
     }
     return WrongCorners(masks, sum(len(view) for view in corner_set.found))
-
-
-def _same(view: Corners, other: Corners) -> bool:
-    return np.array_equal(view.ids, other.ids) and np.array_equal(view.uv, other.uv)
 
 
 def sentences(wrong: WrongCorners) -> tuple[str, ...]:
