@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,9 @@ from pinholify.io.camera_file import write_camera
 from pinholify.io.corner_tables import write_corner_table
 from pinholify.io.files import make_folder, writing_text
 from pinholify.io.images import read_image, write_image
-from pinholify.pipeline import calibrate
+from pinholify.pipeline import calibrate, recalibrate
 from pinholify.rectification.maps import Image
 from pinholify.rectification.straightener import Straightener
-from pinholify.report.evaluated import recalibrator
 from pinholify.simulation.demo import DEMO, street
 
 SHOWN_STD = 1.0  # px; pixels with a larger standard deviation are left black
@@ -82,7 +82,7 @@ def run_demo(folder: Path, step: Callable[[str], object] = lambda _: None) -> De
     calibration = calibrate(corners, reference=corners.views[0].name)
     write_camera(folder / "camera.npz", calibration)
     step("Scoring it and OpenCV's models on the same corners")
-    evaluation = evaluate(calibration, corners, recalibrate=recalibrator(calibration))
+    evaluation = evaluate(calibration, corners, recalibrate=partial(recalibrate, calibration))
     step("Straightening")
     _write_pictures(folder, photographs, scene, calibration, evaluation)
     error = _intrinsics_error(calibration)

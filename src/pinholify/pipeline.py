@@ -15,13 +15,17 @@ from pinholify.calibration.intrinsics import check_determined
 from pinholify.calibration.numbering import check_numbering, numbered_alike
 from pinholify.calibration.one_image import calibrate_one_image
 from pinholify.calibration.reference import reference_views
-from pinholify.calibration.result import Calibration
+from pinholify.calibration.result import Calibration, Settings
 from pinholify.calibration.turning import turned_alike
 from pinholify.camera import VirtualCamera, virtual
 from pinholify.corners import CornerSet
-from pinholify.errors import CalibrationError, InputError, solving
+from pinholify.errors import CalibrationError, InputError, PinholifyError, solving
+from pinholify.gp.kernels import kernel_named
+from pinholify.gp.trends import trends_named
 from pinholify.refinement import JointResult, refine
 from pinholify.refinement.observations import lattice_middle
+from pinholify.refinement.spectral import density_named
+from pinholify.refinement.trends import searches_named
 
 METHODS = ("auto", "joint", "one-image")
 FEWEST_FOR_JOINT = 4  # boards with which "auto" chooses the joint method
@@ -50,31 +54,90 @@ def calibrate(
     """A perfect pinhole camera from the corners of several photographs of one board.
 
     ``reference`` names the image whose board fixes the camera's frame (the largest by default). ``method`` is
-    ``one-image`` (the paper's: that board alone makes the map), ``joint`` (all boards do), or ``auto``: joint with at
-    least four boards. ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp` and
-    :mod:`pinholify.refinement`. ``mirrored`` means that the image is a reflection; ``square_mm`` is the side of a
-    square in mm. ``start`` is a camera close to the one sought: the joint method starts from it where it explains the
-    corners clearly better than the start found without it, and ``details["start_fits"]`` is False where it explains
-    them clearly worse. ``progress`` is called with one line per stage. The discs of a circle grid are centred twice,
-    each time with the camera found before. A board numbered with the wrong handedness, or unlike the others from its
-    other end, is renumbered and listed in ``details["renumbered_boards"]``. Raises InputError, CalibrationError or
-    DegenerateError.
+    ``one-image`` (the paper's: that board alone makes the map), ``joint`` (all boards do), or ``auto``: the only one
+    that knows ``kernel`` and ``trend``, or joint with at least four boards or a ``start``. ``kernel`` and ``trend`` are
+    names of the registries in :mod:`pinholify.gp` and :mod:`pinholify.refinement`. ``mirrored`` means that the image is
+    a reflection; ``square_mm`` is the side of a square in mm. ``start`` is a camera close to the one sought: the joint
+    method starts from it where it explains the corners clearly better than the start found without it, and
+    ``details["start_fits"]`` is False where it explains them clearly worse. ``progress`` is called with one line per
+    stage. The discs of a circle grid are centred twice, each time with the camera found before. A board numbered with
+    the wrong handedness, or unlike the others from its other end, is renumbered and listed in
+    ``details["renumbered_boards"]``. Raises InputError, CalibrationError or DegenerateError.
     """
-    check_numbering(corner_set, mirrored)
-    corner_set, renumbered = numbered_alike(corner_set, mirrored)
-    make = partial(
-        _calibrate,
-        reference=reference,
-        method=method,
-        kernel=kernel,
-        trend=trend,
-        mirrored=mirrored,
-        start=None if start is None else virtual(start),
-        square_mm=square_mm,
-        progress=progress,
-    )
+    method = method_knowing(method, kernel, trend)
+    if method == "auto":
+        method = "joint" if start is not None or len(corner_set.found) >= FEWEST_FOR_JOINT else "one-image"
+    if method == "one-image" and start is not None:
+        raise InputError(
+            "a start was given to the one-image method, which takes none because its reference board alone makes "
+            "the map: choose the method 'joint', or give no start"
+        )
+    if square_mm is not None and not 0.0 < square_mm < np.inf:
+        raise InputError(f"the side of a square is {square_mm:g} mm, but must be positive: give square_mm in mm")
+    settings = Settings(method, kernel, trend, mirrored, None if start is None else virtual(start))
+    return _calibrated(corner_set, settings, reference, square_mm, progress)
+
+
+@solving()
+def recalibrate(calibration: Calibration, corner_set: CornerSet, reference: str) -> Calibration:
+    """Other corners, as of half of the boards, calibrated with the settings of ``calibration``, its start included.
+
+    ``reference`` names the image whose board fixes the frame. Where the settings are unknown, as in a camera file of
+    another make, the trend is chosen again by the joint method, and kept by the one-image method. Raises InputError for
+    an imported camera, and else as :func:`calibrate`.
+    """
+    settings = calibration.settings
+    if settings is None:
+        trend = calibration.trend if calibration.method == "one-image" else "auto"
+        method = method_knowing(calibration.method, calibration.kernel, trend)
+        settings = Settings(method, calibration.kernel, trend, calibration.camera.mirrored)
+    return _calibrated(corner_set, settings, reference)
+
+
+def method_knowing(method: str, kernel: str, trend: str) -> str:
+    """``method``, or in place of ``auto`` the only method that knows both ``kernel`` and ``trend``.
+
+    Raises InputError for an unknown method, and for names that it does not know.
+    """
+    if method not in METHODS:
+        raise InputError(f"unknown method '{method}': choose one of {', '.join(METHODS)}")
+    reasons = {name: _unknown(name, kernel, trend) for name in METHODS if method in ("auto", name) and name != "auto"}
+    able = [name for name, reason in reasons.items() if not reason]
+    if not able:
+        raise InputError("; ".join(reasons.values()))
+    return able[0] if len(able) == 1 else method
+
+
+def _unknown(method: str, kernel: str, trend: str) -> str:
+    """Why ``method`` does not support ``kernel`` or ``trend``; empty if it does."""
+    try:
+        if method == "joint":
+            density_named(kernel)
+            searches_named(trend)
+        else:
+            kernel_named(kernel)
+            if trend != "constant":
+                trends_named(trend)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _calibrated(
+    corner_set: CornerSet,
+    settings: Settings,
+    reference: str | None,
+    square_mm: float | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """:func:`calibrate` by ``settings`` whose method is no longer ``auto``."""
+    check_numbering(corner_set, settings.mirrored)
+    corner_set, renumbered = numbered_alike(corner_set, settings.mirrored)
+    solve = _joint if settings.method == "joint" else _one_image
+    make = partial(solve, settings=settings, reference=reference, square_mm=square_mm, progress=progress)
     calibration, turned = _turned(make, corner_set, progress)
-    return replace(calibration, details={**calibration.details, "renumbered_boards": {**renumbered, **turned}})
+    details = {**calibration.details, "renumbered_boards": {**renumbered, **turned}}
+    return replace(calibration, details=details, settings=settings)
 
 
 def _turned(make: Make, corner_set: CornerSet, progress: Progress | None) -> tuple[Calibration, dict[str, str]]:
@@ -102,32 +165,35 @@ def _centred(make: Make, corner_set: CornerSet) -> Calibration:
     return calibration
 
 
-def _calibrate(
+def _one_image(
     corner_set: CornerSet,
     *,
+    settings: Settings,
     reference: str | None,
-    method: str,
-    kernel: str,
-    trend: str,
-    mirrored: bool,
-    start: VirtualCamera | None,
     square_mm: float | None,
     progress: Progress | None,
 ) -> Calibration:
-    """:func:`calibrate` on corners that are points."""
-    if method not in METHODS:
-        raise InputError(f"unknown method '{method}': choose one of {', '.join(METHODS)}")
-    if method == "auto":
-        method = "joint" if start is not None or len(corner_set.found) >= FEWEST_FOR_JOINT else "one-image"
-    if method == "one-image":
-        if start is not None:
-            raise InputError(
-                "a start was given to the one-image method, which takes none because its reference board alone makes "
-                "the map: choose the method 'joint', or give no start"
-            )
-        return calibrate_one_image(
-            corner_set, reference=reference, kernel=kernel, trend=trend, mirrored=mirrored, square_mm=square_mm
-        )
+    """The one-image method on corners that are points."""
+    return calibrate_one_image(
+        corner_set,
+        reference=reference,
+        kernel=settings.kernel,
+        trend=settings.trend,
+        mirrored=settings.mirrored,
+        square_mm=square_mm,
+        progress=progress,
+    )
+
+
+def _joint(
+    corner_set: CornerSet,
+    *,
+    settings: Settings,
+    reference: str | None,
+    square_mm: float | None,
+    progress: Progress | None,
+) -> Calibration:
+    """The joint method on corners that are points."""
     name, *stand_ins = (view.name for view in reference_views(corner_set, reference))
     fewer = condensed(corner_set, max(MAX_JOINT_CORNERS, MIN_CORNERS_PER_BOARD * len(corner_set.found)))
     try:
@@ -135,20 +201,31 @@ def _calibrate(
             fewer,
             reference=name,
             stand_ins=stand_ins,
-            mirrored=mirrored,
-            kernel=kernel,
-            trend=trend,
-            start=start,
+            mirrored=settings.mirrored,
+            kernel=settings.kernel,
+            trend=settings.trend,
+            start=settings.start,
             progress=progress,
         )
     except np.linalg.LinAlgError:
-        calibrate_one_image(corner_set, reference=name, mirrored=mirrored)  # raises the reason if boards are parallel
-        raise CalibrationError(
-            f"no camera fits the corners of the {len(corner_set.found)} boards together: "
-            "look for wrongly numbered corners"
-        ) from None
+        raise _why_unsolvable(corner_set, name, settings.mirrored) from None
     check_determined(result.camera, _agreeing(fewer, result), result.reference)
     return _calibration(result, fewer, corner_set, square_mm)
+
+
+def _why_unsolvable(corner_set: CornerSet, reference: str, mirrored: bool) -> PinholifyError:
+    """The error for boards that the joint method cannot solve.
+
+    Parallel boards can be told from wrong corners only in a virtual plane: that of the one-image method, which refuses
+    them with its own error.
+    """
+    try:
+        calibrate_one_image(corner_set, reference=reference, mirrored=mirrored)
+    except PinholifyError as reason:
+        return reason
+    return CalibrationError(
+        f"no camera fits the corners of the {len(corner_set.found)} boards together: look for wrongly numbered corners"
+    )
 
 
 def _agreeing(corner_set: CornerSet, result: JointResult) -> CornerSet:

@@ -7,6 +7,7 @@ homographies give K (:mod:`pinholify.calibration.intrinsics`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pinholify.arrays import Bools
@@ -37,24 +38,28 @@ def calibrate_one_image(
     trend: str = "auto",
     mirrored: bool = False,
     square_mm: float | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """The virtual camera learnt from one board, with K refined from the others (paper, section 2.2).
 
     ``reference`` names the board that the map is learnt from, by default the one that covers most of the frame.
     ``kernel`` and ``trend`` are names of the registries in :mod:`pinholify.gp`; ``mirrored`` says that the images are
-    reflections; ``square_mm`` is the side of a square. Raises InputError for a reference that is missing or numbered
-    with the wrong handedness, CalibrationError where too little of it is seen, and DegenerateError where the boards do
-    not determine K.
+    reflections; ``square_mm`` is the side of a square; ``progress`` is called with one line per stage. Raises
+    InputError for a reference that is missing or numbered with the wrong handedness, CalibrationError where too little
+    of it is seen, and DegenerateError where the boards do not determine K.
     """
     from pinholify.gp.fitting import fit_map
 
+    say = progress or (lambda _: None)
     view = reference_view(corner_set, reference)
     learnt = condensed_view(view, corner_set.board, block_side(len(view), MAX_MAP_POINTS))
     lattice = learnt.lattice(corner_set.board)
     fitted = fit_map(learnt.uv, lattice, kernel=kernel, trend=trend, relative_noise=1.0 / learnt.weights)
     check_handedness(fitted, view, mirrored)
+    say(f"map from the board in '{view.name}': noise {fitted.noise:.4g} px with trend {fitted.trend}")
     hull = convex_hull(view.uv)
     found = find_intrinsics(_other_boards(condensed(corner_set, MAX_CORNERS), view, fitted, hull), fitted)
+    say(f"f {found.intrinsics.f:.5g} ± {found.std[0]:.2g} squares from the other boards")
     camera = VirtualCamera(
         fitted.map,
         PlaneChart(found.intrinsics, found.covariance),

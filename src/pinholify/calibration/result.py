@@ -18,6 +18,20 @@ IMPORTED = "imported"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Settings:
+    """What was asked of a calibration, which :func:`pinholify.pipeline.recalibrate` asks of other corners.
+
+    Fields are as the arguments of :func:`pinholify.calibrate`, but ``method`` is the one that ``auto`` chose.
+    """
+
+    method: str
+    kernel: str
+    trend: str
+    mirrored: bool
+    start: VirtualCamera | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
     """A camera, the corners it was made from and how.
 
@@ -26,7 +40,8 @@ class Calibration:
     ``closed_form`` is the paper's K, by the simplified Zhang's method alone; None for a method without one.
     ``square_mm`` is the side of a square where the user gave it. ``board_points`` (corners, 3) are the board's points
     by id, in squares: flat unless the method found the board bent or stretched. ``details`` are plain numbers and
-    texts that JSON can hold; :attr:`findings` are the same with types.
+    texts that JSON can hold; :attr:`findings` are the same with types. ``settings`` are what was asked for, None where
+    that is unknown.
     """
 
     camera: VirtualCamera
@@ -40,6 +55,7 @@ class Calibration:
     closed_form: Intrinsics | None = None
     board_points: Floats = None  # type: ignore[assignment]  # the flat lattice; an array once made
     details: dict[str, object] = field(default_factory=dict)
+    settings: Settings | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "intrinsics_std", frozen(self.intrinsics_std, (3,)))

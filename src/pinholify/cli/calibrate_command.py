@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -27,9 +27,6 @@ from pinholify.cli.sources import gather_corners, input_files, look_again_with_p
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
     from pinholify.calibration.result import Calibration
-    from pinholify.corners import CornerSet
-    from pinholify.evaluation.summary import Evaluation
-    from pinholify.evaluation.verdict import Verdict
 
 METHODS = ("auto", "joint", "one-image")
 FEWEST_BOARDS = 3  # the reference and two boards of other orientations
@@ -101,8 +98,10 @@ def command(
     only determine focal length and principal point. EXIF rotation is ignored: a calibration belongs to the sensor.
     """
     from pinholify.cli.evaluation_output import print_evaluation, to_json
+    from pinholify.evaluation.summary import evaluate
+    from pinholify.evaluation.verdict import judge
     from pinholify.io.camera_file import read_camera, write_camera
-    from pinholify.pipeline import calibrate
+    from pinholify.pipeline import calibrate, recalibrate
 
     method = chosen_method(method, kernel, trend)
     if refine_corners and table is not None:
@@ -119,9 +118,10 @@ def command(
     if refine_corners:
         corner_set = look_again_with_progress(files, corner_set, calibration.camera)
         calibration = solve(corner_set, reference=calibration.reference, square_mm=square_mm)
-    recalibrate = partial(solve, method=calibration.method) if heldout else None
+    again = partial(recalibrate, calibration) if heldout else None
     with keeping(calibration, output):
-        evaluation, verdict = scored(calibration, corner_set, recalibrate, opencv=opencv)
+        evaluation = evaluate(calibration, corner_set, recalibrate=again, compare_opencv=opencv)
+        verdict = judge(evaluation, corner_set)
     write_camera(output, calibration)
     if calibration.findings.start_fits is False:
         say(f"'{start}' was not used as a start because it does not explain the corners: is it this camera and mode?")
@@ -143,22 +143,6 @@ def check_outputs(camera: Path, report: Path | None, inputs: Sequence[Path], *, 
         check_report_output(report, (*inputs, camera), force=force)
 
 
-def scored(
-    calibration: Calibration, corner_set: CornerSet, recalibrate: Callable[..., Calibration] | None, *, opencv: bool
-) -> tuple[Evaluation, Verdict]:
-    """Evaluate and judge a calibration on its own corners; without ``recalibrate`` there is no held-out error."""
-    from pinholify.evaluation.summary import evaluate
-    from pinholify.evaluation.verdict import judge
-
-    evaluation = evaluate(
-        calibration,
-        corner_set,
-        recalibrate=None if recalibrate is None else lambda part, name: recalibrate(part, reference=name),
-        compare_opencv=opencv,
-    )
-    return evaluation, judge(evaluation, corner_set)
-
-
 @contextmanager
 def keeping(calibration: Calibration, output: Path) -> Iterator[None]:
     """If the evaluation inside the block meets unsolvable equations, write the camera, then raise CalibrationError."""
@@ -176,30 +160,11 @@ def keeping(calibration: Calibration, output: Path) -> Iterator[None]:
 
 
 def chosen_method(method: str, kernel: str, trend: str) -> str:
-    """Resolve ``auto`` if only one method supports ``kernel`` and ``trend``; UsageError if ``method`` does not."""
-    reasons = {name: _unknown(name, kernel, trend) for name in METHODS if method in ("auto", name) and name != "auto"}
-    able = [name for name, reason in reasons.items() if not reason]
-    if not able:
-        raise click.UsageError("; ".join(reasons.values()))
-    return able[0] if len(able) == 1 else method
-
-
-def _unknown(method: str, kernel: str, trend: str) -> str:
-    """Why ``method`` does not support ``kernel`` or ``trend``; empty if it does."""
+    """Resolve ``auto`` if only one method knows ``kernel`` and ``trend``; UsageError if ``method`` does not."""
     from pinholify.errors import InputError
-    from pinholify.gp.kernels import kernel_named
-    from pinholify.gp.trends import trends_named
-    from pinholify.refinement.spectral import density_named
-    from pinholify.refinement.trends import searches_named
+    from pinholify.pipeline import method_knowing
 
     try:
-        if method == "joint":
-            density_named(kernel)
-            searches_named(trend)
-        else:
-            kernel_named(kernel)
-            if trend != "constant":
-                trends_named(trend)
+        return method_knowing(method, kernel, trend)
     except InputError as error:
-        return str(error)
-    return ""
+        raise click.UsageError(str(error)) from None

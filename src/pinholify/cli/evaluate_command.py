@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -32,7 +33,7 @@ def command(
     from pinholify.evaluation.summary import evaluate
     from pinholify.evaluation.verdict import judge
     from pinholify.io.camera_file import read_camera
-    from pinholify.report.evaluated import recalibrator
+    from pinholify.pipeline import recalibrate
 
     calibration = read_camera(camera)
     size, mirrored = calibration.camera.image_size, calibration.camera.mirrored
@@ -43,9 +44,8 @@ def command(
         check_size(size_of_first(images), size, camera)  # looking for boards takes long
     corners = gather_corners(images, table, board, size if table is not None else None, mirrored)
     check_size(corners.image_size, size, camera)
-    evaluation = evaluate(
-        calibration, corners, recalibrate=recalibrator(calibration), compare_opencv=opencv, kfold=folds
-    )
+    again = partial(recalibrate, calibration)
+    evaluation = evaluate(calibration, corners, recalibrate=again, compare_opencv=opencv, kfold=folds)
     verdict = judge(evaluation, corners)
     if as_json:
         print_json(to_json(evaluation, verdict))

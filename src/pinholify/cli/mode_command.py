@@ -62,6 +62,7 @@ def command(
     if size is not None:
         mode = scaled(mode, size)
     corners = CornerSet(calibration.corner_set.board, mode.image_size)
-    write_camera(output, replace(calibration, camera=mode, corner_set=corners))
+    asked = calibration.settings and replace(calibration.settings, start=None)  # which was a camera of the old mode
+    write_camera(output, replace(calibration, camera=mode, corner_set=corners, settings=asked))
     (width, height), (was_width, was_height) = mode.image_size, calibration.camera.image_size
     click.echo(f"wrote {output}: images of {width}x{height}, calibrated at {was_width}x{was_height}")

@@ -56,6 +56,7 @@ HOMES = {
     "RationalQuadratic": "gp.kernels",
     "Scaling": "gp.maps",
     "SensorMode": "modes",
+    "Settings": "calibration.result",
     "SineBasis": "refinement.basis",
     "SplineMap": "splines",
     "SplineSurface": "splines",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from pinholify.calibration.result import Calibration
-from pinholify.corners import CornerSet
 from pinholify.errors import InputError
-from pinholify.evaluation.summary import Evaluation, Recalibrate, evaluate
+from pinholify.evaluation.summary import Evaluation, evaluate
 from pinholify.evaluation.verdict import Verdict, judge
-from pinholify.pipeline import calibrate
+from pinholify.pipeline import recalibrate
 
 
 def evaluated(calibration: Calibration, *, opencv: bool = True, heldout: bool = True) -> tuple[Evaluation, Verdict]:
@@ -22,25 +23,6 @@ def evaluated(calibration: Calibration, *, opencv: bool = True, heldout: bool = 
             "report on; score it on photographs of a board with 'pinholify evaluate'"
         )
     corners = calibration.corner_set
-    recalibrate = recalibrator(calibration) if heldout else None
-    evaluation = evaluate(calibration, corners, recalibrate=recalibrate, compare_opencv=opencv)
+    again = partial(recalibrate, calibration) if heldout else None
+    evaluation = evaluate(calibration, corners, recalibrate=again, compare_opencv=opencv)
     return evaluation, judge(evaluation, corners)
-
-
-def recalibrator(calibration: Calibration) -> Recalibrate:
-    """Calibrates other corners as ``calibration`` was made: with its method, kernel and handedness.
-
-    The joint method chooses its trend again; the one-image method keeps that of ``calibration``.
-    """
-
-    def recalibrate(corners: CornerSet, reference: str) -> Calibration:
-        return calibrate(
-            corners,
-            reference=reference,
-            method=calibration.method,
-            kernel=calibration.kernel,
-            trend=calibration.trend if calibration.method == "one-image" else "auto",
-            mirrored=calibration.camera.mirrored,
-        )
-
-    return recalibrate

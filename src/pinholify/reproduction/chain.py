@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from pinholify.calibration.result import Calibration
@@ -12,7 +13,7 @@ from pinholify.corners import CornerSet
 from pinholify.detection import detect_files
 from pinholify.evaluation.summary import Evaluation, Pooled, evaluate
 from pinholify.geometry import Pose
-from pinholify.pipeline import calibrate
+from pinholify.pipeline import calibrate, recalibrate
 from pinholify.reproduction.photographs import photograph_files, render_photographs, rendered_before
 from pinholify.reproduction.truth import (
     CornerErrors,
@@ -103,15 +104,13 @@ def reproduce_dataset(
 def _attempt(
     dataset: Dataset, corner_set: CornerSet, poses: dict[str, Pose], trend: str, *, compare_opencv: bool
 ) -> Attempt:
-    def again(part: CornerSet, reference: str) -> Calibration:
-        return _calibrated(dataset, part, trend, reference)
-
     calibration = _calibrated(dataset, corner_set, trend)
+    again = partial(recalibrate, calibration)
     evaluation = evaluate(calibration, corner_set, recalibrate=again, compare_opencv=compare_opencv)
     return Attempt(evaluation, truth_errors(dataset, evaluation, poses))
 
 
-def _calibrated(dataset: Dataset, corner_set: CornerSet, trend: str, reference: str | None = None) -> Calibration:
-    """The one-image calibration from the board in ``reference``, by default the first view."""
-    name = reference or corner_set.views[0].name
+def _calibrated(dataset: Dataset, corner_set: CornerSet, trend: str) -> Calibration:
+    """The one-image calibration from the board in the first view."""
+    name = corner_set.views[0].name
     return calibrate(corner_set, method="one-image", trend=trend, reference=name, mirrored=mirrored(dataset.lens))

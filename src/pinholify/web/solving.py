@@ -18,12 +18,12 @@ from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
 from pinholify.errors import CalibrationError, PinholifyError
-from pinholify.evaluation.summary import Evaluation, evaluate
+from pinholify.evaluation.summary import Evaluation, Recalibrate, evaluate
 from pinholify.evaluation.verdict import Verdict, cell_centres, coverage, judge, place, residuals_of
 from pinholify.io.camera_file import write_camera
 from pinholify.io.files import atomic_path, make_folder
 from pinholify.io.images import decode_image, read_bytes, write_image
-from pinholify.pipeline import FEWEST_FOR_JOINT, calibrate
+from pinholify.pipeline import FEWEST_FOR_JOINT, calibrate, recalibrate
 from pinholify.rectification.maps import RectificationMap, rectification_map, remap
 from pinholify.rectification.views import View, named_view
 from pinholify.report.overview import angles_across
@@ -64,15 +64,13 @@ def solve(report: Report, request: SolveRequest) -> None:
     if len(corners.found) < FEWEST_BOARDS:
         raise CalibrationError(f"{len(corners.found)} photographs show the board; at least {FEWEST_BOARDS} are needed")
     make_folder(request.folder)
-    again = partial(calibrate, mirrored=request.mirrored)
     if len(corners.found) >= FEWEST_FOR_JOINT and _preview(report, request) and request.preview_only:
         return
-    calibration = again(corners, square_mm=request.square_mm)
+    calibration = calibrate(corners, mirrored=request.mirrored, square_mm=request.square_mm)
     write_camera(request.folder / CAMERA, calibration)
     insample = _scored(calibration, corners)
     report(_result("camera", request, calibration, insample))
-    method = partial(again, method=calibration.method)
-    evaluation = _scored(calibration, corners, lambda part, name: method(part, reference=name)) or insample
+    evaluation = _scored(calibration, corners, partial(recalibrate, calibration)) or insample
     report(_result("evaluated", request, calibration, evaluation, _judged(evaluation, corners)))
 
 
@@ -80,17 +78,17 @@ def _preview(report: Report, request: SolveRequest) -> bool:
     """Whether a calibration with a fixed trend succeeded; if not, the one with a search will raise the reason."""
     trend = (request.trend or PREVIEW_TREND).partition("+")[0]
     try:
-        calibration = calibrate(request.corners, mirrored=request.mirrored, trend=trend)
+        calibration = calibrate(request.corners, method="joint", mirrored=request.mirrored, trend=trend)
     except PinholifyError:
         return False
     report(_result("first", request, calibration, _scored(calibration, request.corners)))
     return True
 
 
-def _scored(calibration: Calibration, corners: CornerSet, recalibrate: Any = None) -> Evaluation | None:
+def _scored(calibration: Calibration, corners: CornerSet, again: Recalibrate | None = None) -> Evaluation | None:
     """The evaluation, or None if too few boards lie in the camera's domain."""
     try:
-        return evaluate(calibration, corners, recalibrate=recalibrate, compare_opencv=False)
+        return evaluate(calibration, corners, recalibrate=again, compare_opencv=False)
     except PinholifyError:
         return None
 
