@@ -93,7 +93,7 @@ def test_too_few_boards_to_hold_out_are_said(barrel_set, barrel_calibration):
         recalibrate=lambda part, name: calibrate(part, reference=name, method="one-image", trend="lens:3"),
     )
     assert evaluation.heldout_px is None
-    assert "half of the boards" in evaluation.heldout_reason
+    assert "half of the boards" in evaluation.heldout.reason
 
 
 def test_lines_of_a_pinhole_meet_at_the_origin():

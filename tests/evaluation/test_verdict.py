@@ -7,7 +7,7 @@ import pytest
 
 from pinholify.calibration.observation import map_board
 from pinholify.errors import UnsolvableError
-from pinholify.evaluation.summary import NOT_REQUESTED, OpenCVScore, evaluate
+from pinholify.evaluation.summary import NOT_REQUESTED, HeldOut, OpenCVScore, evaluate
 from pinholify.evaluation.verdict import cell_centres, coverage, judge, noise_floor, place
 from pinholify.geometry import Pose
 from pinholify.pipeline import calibrate
@@ -70,7 +70,7 @@ def test_errors_finer_than_corners_are_found_say_nothing():
 def test_where_no_held_out_error_is_asked_for_the_error_in_sample_counts(barrel_calibration):
     other = corner_set(squeeze=0.15, noise=2.0, seed=3)
     evaluation = evaluate(barrel_calibration, other, compare_opencv=False)
-    unasked = dataclasses.replace(evaluation, heldout_px=None, heldout_reason=NOT_REQUESTED)
+    unasked = dataclasses.replace(evaluation, heldout=NOT_REQUESTED)
     verdict = judge(unasked, other)
     assert verdict.level == "poor"
     assert "in-sample error" in verdict.sentence
@@ -80,6 +80,13 @@ def test_what_was_not_asked_for_is_not_held_against_a_camera(barrel_set, barrel_
     verdict = judge(evaluate(barrel_calibration, barrel_set, compare_opencv=False), barrel_set)
     assert verdict.level != "poor"
     assert "no held-out error was requested" in verdict.sentence
+
+
+def test_no_words_decide_whether_a_held_out_error_was_asked_for(barrel_set, barrel_calibration):
+    evaluation = evaluate(barrel_calibration, barrel_set, compare_opencv=False)
+    failed = dataclasses.replace(evaluation, heldout=HeldOut(None, NOT_REQUESTED.reason))
+    assert judge(failed, barrel_set).level == "poor"
+    assert "no held-out error (not requested)" in judge(failed, barrel_set).sentence
 
 
 class Folded:
@@ -119,7 +126,7 @@ def test_a_held_out_error_without_a_solution_is_unknown_and_says_why(barrel_set,
     ):
         evaluation = evaluate(barrel_calibration, barrel_set, recalibrate=recalibrate, compare_opencv=False)
         assert evaluation.heldout_px is None
-        assert reason in evaluation.heldout_reason
+        assert reason in evaluation.heldout.reason
         verdict = judge(evaluation, barrel_set)
         assert verdict.level == "poor"
         assert f"no held-out error ({reason}" in verdict.sentence
@@ -150,7 +157,7 @@ def test_corners_where_the_map_is_not_one_to_one_do_not_count(barrel_set, barrel
 def of_noise(evaluation, noise_px, heldout_px):
     camera = dataclasses.replace(evaluation.calibration.camera, noise_px=noise_px)
     calibration = dataclasses.replace(evaluation.calibration, camera=camera)
-    return dataclasses.replace(evaluation, calibration=calibration, heldout_px=heldout_px, heldout_reason="")
+    return dataclasses.replace(evaluation, calibration=calibration, heldout=HeldOut(heldout_px))
 
 
 @pytest.mark.parametrize(

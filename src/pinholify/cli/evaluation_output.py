@@ -95,8 +95,8 @@ def print_evaluation(evaluation: Evaluation, verdict: Verdict) -> None:
     console.print(_comparison(evaluation))
     if evaluation.opencv and _board_shape(calibration):
         console.print(f"  {SHAPES}")
-    if evaluation.heldout_px is None and evaluation.heldout_reason:
-        console.print(f"  no held-out error: {escape(evaluation.heldout_reason)}")
+    if evaluation.heldout.px is None:
+        console.print(f"  no held-out error: {escape(evaluation.heldout.reason)}")
     console.print(f"[bold]{escape(textwrap.fill(verdict.sentence, WIDTH))}[/]")
     for line in (*sentences(evaluation.wrong), *_set_aside(evaluation), *_renumbered(evaluation)):
         console.print(f"  [dim]{escape(line)}[/]")

@@ -38,7 +38,6 @@ from pinholify.evaluation.measures import (
 from pinholify.evaluation.wrong_corners import WrongCorners, wrong_corners
 
 FOLDS = 5
-NOT_REQUESTED = "not requested"
 ELSEWHERE = "use photographs whose boards lie where the camera was calibrated"
 UNDETERMINED = (
     "these boards do not determine the camera's map well enough anywhere; move closer, so that the board fills more of "
@@ -48,6 +47,18 @@ NO_BOARD_LOCATED = "no board shows enough corners where the camera was calibrate
 
 Recalibrate = Callable[[CornerSet, str], Calibration]
 """Calibrates a set of corners with the named reference and the settings of the camera that is evaluated."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """The held-out error in ``px``, or None and the ``reason``; what was not ``requested`` says nothing of a camera."""
+
+    px: float | None
+    reason: str = ""
+    requested: bool = True
+
+
+NOT_REQUESTED = HeldOut(None, "not requested", requested=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +106,12 @@ class Evaluation:
     """All measures of a calibration on a set of corners.
 
     ``pooled`` counts all boards; ``pooled_without_reference`` leaves out the reference, which the map was fitted to.
-    ``known`` are the names of the photographs that the camera was made from. ``heldout_px`` is the error of a
-    calibration on half of the boards; where no photograph is known it is the error of the camera itself, and OpenCV's
-    models are trained on the camera's own. Where only some are known, half of all boards train and the others are
-    scored: the error is held out, but that of a camera from these photographs rather than of this one.
-    ``kfold_px``, if requested, trains on all but a fifth. ``wrong`` are the corners that the fit rejected as grossly
-    wrong: no measure of any method uses them.
+    ``known`` are the names of the photographs that the camera was made from. ``heldout`` is the error of a calibration
+    on half of the boards; where no photograph is known it is the error of the camera itself, and OpenCV's models are
+    trained on the camera's own. Where only some are known, half of all boards train and the others are scored: the
+    error is held out, but that of a camera from these photographs rather than of this one. ``kfold_px``, if requested,
+    trains on all but a fifth. ``wrong`` are the corners that the fit rejected as grossly wrong: no measure of any
+    method uses them.
     """
 
     calibration: Calibration
@@ -110,12 +121,16 @@ class Evaluation:
     pooled_without_reference: Pooled
     pinholeness: float | None
     lines: PinholeLines | None
-    heldout_px: float | None
-    heldout_reason: str
+    heldout: HeldOut
     kfold_px: float | None
     opencv: dict[str, OpenCVScore]
     wrong: WrongCorners
     known: frozenset[str]
+
+    @property
+    def heldout_px(self) -> float | None:
+        """The held-out error in px; None where there is none."""
+        return self.heldout.px
 
     @property
     def unseen(self) -> bool:
@@ -154,11 +169,12 @@ def evaluate(
     views = [v for v in corner_set.views if v.name in observed]
     if not known:
         split = unseen_split(calibration, corner_set.found)
-        heldout, reason = heldout_rms(camera_residuals(calibration), split.test), NO_BOARD_LOCATED
+        error = heldout_rms(camera_residuals(calibration), split.test)
+        heldout = HeldOut(error, NO_BOARD_LOCATED if error is None else "")
     else:
         split = alternating_split(corner_set, views)
-        heldout, reason = _heldout(recalibrate, corner_set, [split])
-    kfold_px = _heldout(recalibrate, corner_set, folds(corner_set, views, FOLDS))[0] if kfold else None
+        heldout = _heldout(recalibrate, corner_set, [split])
+    kfold_px = _heldout(recalibrate, corner_set, folds(corner_set, views, FOLDS)).px if kfold else None
     opencv = _opencv(corner_set, mapped, split) if compare_opencv else {}
     measured = {name: _measured(o, calibration) for name, o in observed.items()}
     return Evaluation(
@@ -170,7 +186,6 @@ def evaluate(
         None if lines is None else float(lines.distances.mean()),
         lines,
         heldout,
-        reason if heldout is None else "",
         kfold_px,
         opencv,
         wrong,
@@ -236,25 +251,23 @@ def _pooled(boards: Sequence[_Measured]) -> Pooled:
     )
 
 
-def _heldout(
-    recalibrate: Recalibrate | None, corner_set: CornerSet, splits: Sequence[Split]
-) -> tuple[float | None, str]:
-    """Pooled held-out RMS in px over ``splits``, or None and the reason."""
+def _heldout(recalibrate: Recalibrate | None, corner_set: CornerSet, splits: Sequence[Split]) -> HeldOut:
+    """The pooled held-out RMS over ``splits``."""
     squares, count = 0.0, 0
     if recalibrate is None:
-        return None, NOT_REQUESTED
+        return NOT_REQUESTED
     if not splits or not all(split.test for split in splits):
-        return None, "too few boards to hold some out"
+        return HeldOut(None, "too few boards to hold some out")
     for split in splits:
         try:
             trained = recalibrate(corner_set.with_views(split.train), split.train[0].name)
         except PinholifyError as error:
-            return None, f"half of the boards do not determine a camera: {error}"
+            return HeldOut(None, f"half of the boards do not determine a camera: {error}")
         value, points = heldout_rms(camera_residuals(trained), split.test), sum(len(b.uv) for b in split.test)
         if value is None:
-            return None, "a held-out board could not be located by the camera made from the others"
+            return HeldOut(None, "a held-out board could not be located by the camera made from the others")
         squares, count = squares + value**2 * points, count + points
-    return float(np.sqrt(squares / count)), ""
+    return HeldOut(float(np.sqrt(squares / count)))
 
 
 def _opencv(corner_set: CornerSet, mapped: Sequence[MappedBoard], split: Split) -> dict[str, OpenCVScore]:

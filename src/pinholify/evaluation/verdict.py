@@ -12,7 +12,7 @@ from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
 from pinholify.errors import solving
 from pinholify.evaluation.shared_error import shared_error_of
-from pinholify.evaluation.summary import NOT_REQUESTED, Evaluation
+from pinholify.evaluation.summary import Evaluation
 from pinholify.evaluation.wrong_corners import MANY, TOO_MANY
 from pinholify.refinement.diagnosis import (
     BoardSuspicion,
@@ -199,9 +199,9 @@ def _level(
 
     A large ``floor`` excuses no error: beyond usual corner noise it is misfit that the solve took for noise.
     """
-    heldout = evaluation.heldout_px
-    unknown = heldout is None and evaluation.heldout_reason != NOT_REQUESTED
-    error = evaluation.pooled.re_px if heldout is None else heldout
+    heldout = evaluation.heldout
+    unknown = heldout.px is None and heldout.requested
+    error = evaluation.pooled.re_px if heldout.px is None else heldout.px
     noise = floor / np.sqrt(2.0)
     off = error > max(POOR_PX, POOR_RATIO * np.sqrt(2.0) * min(noise, USUAL_PX))
     known = _imported(evaluation) or _focal(evaluation) < POOR_FOCAL
@@ -284,13 +284,14 @@ def _left_out(evaluation: Evaluation) -> str:
 
 
 def _held_out(evaluation: Evaluation) -> str:
-    if evaluation.heldout_reason == NOT_REQUESTED:
+    heldout = evaluation.heldout
+    if not heldout.requested:
         return f"in-sample error {evaluation.pooled.re_px:.2f} px (no held-out error was requested)"
-    if evaluation.heldout_px is None:
-        return f"no held-out error ({evaluation.heldout_reason})"
+    if heldout.px is None:
+        return f"no held-out error ({heldout.reason})"
     if _imported(evaluation):  # its file does not list the photographs it was made from
-        return f"error {evaluation.heldout_px:.2f} px on these photographs, which it may have been made from"
-    return f"held-out error {evaluation.heldout_px:.2f} px"
+        return f"error {heldout.px:.2f} px on these photographs, which it may have been made from"
+    return f"held-out error {heldout.px:.2f} px"
 
 
 def _known(evaluation: Evaluation) -> str:

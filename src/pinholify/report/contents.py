@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pinholify import __version__
-from pinholify.evaluation.summary import NOT_REQUESTED, Evaluation, OpenCVScore
+from pinholify.evaluation.summary import Evaluation, OpenCVScore
 from pinholify.evaluation.verdict import Verdict, residuals_of
 from pinholify.report.board_shape import BoardShape, board_shape_of
 from pinholify.report.boards import BoardEntry, boards_of
@@ -109,8 +109,8 @@ def make_report(
 def _comparison(evaluation: Evaluation, insample_px: float) -> Comparison:
     return Comparison(
         evaluation.calibration.method,
-        evaluation.heldout_px,
-        evaluation.heldout_reason,
+        evaluation.heldout.px,
+        evaluation.heldout.reason,
         evaluation.kfold_px,
         insample_px,
         evaluation.pooled.re_refined_percent,
@@ -133,9 +133,10 @@ def _missing(evaluation: Evaluation, pictures: Pictures, file: str) -> list[str]
             f"{len(names)} of the {len(views)} photographs are missing ({', '.join(names[:3])}{others}); "
             "give all of them to include them."
         )
-    if evaluation.heldout_px is None:
-        remedy = "; leave out --no-heldout to compute it" if evaluation.heldout_reason == NOT_REQUESTED else ""
-        sentences.append(f"There is no held-out error: {evaluation.heldout_reason}{remedy}.")
+    heldout = evaluation.heldout
+    if heldout.px is None:
+        remedy = "" if heldout.requested else "; leave out --no-heldout to compute it"
+        sentences.append(f"There is no held-out error: {heldout.reason}{remedy}.")
     if evaluation.lines is None:
         sentences.append("The lines of sight are not drawn: they need at least three boards that count.")
     if not evaluation.opencv:
