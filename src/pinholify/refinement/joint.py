@@ -77,7 +77,8 @@ def refine(
     density, scales = density_named(kernel)
     stages = searches_named(trend)
     views, unusable = usable_views(corner_set.views, corner_set.board, mirrored)
-    _used_reference((reference, *stand_ins), views, unusable)
+    references = (reference, *stand_ins)
+    _check_used(references, views, unusable)
     frame = image_frame(corner_set.image_size, mirrored)
     given = None if start is None else given_lens(start, frame, corner_set.image_size)
     everything = observations(views, corner_set.board, frame)
@@ -95,12 +96,12 @@ def refine(
     for candidate in finalists:
         say(f"trend {candidate.name}: log evidence {_per_px(candidate.log_evidence, seen, frame):.1f}")
     used = [view for view in views if view.name in cleaned.seen.names]
-    reference = _used_reference((reference, *stand_ins), used, {**unusable, **cleaned.misfits})
+    _check_used(references, used, {**unusable, **cleaned.misfits})
+    reference = next(name for name in references if name in cleaned.seen.names)
     settled = cleaned.settled
     say(f"noise {settled.hyperparameters.noise * frame.scale:.4g} px with trend {settled.model.trend.name}")
     evidences = tuple((c.name, _per_px(c.log_evidence, seen, frame)) for c in finalists)
-    result = _result(corner_set, cleaned, frame, reference, kernel, evidences, unusable)
-    return result if given is None else replace(result, start_fits=fits)
+    return replace(_result(corner_set, cleaned, frame, reference, kernel, evidences, unusable), start_fits=fits)
 
 
 def _extended(
@@ -179,20 +180,17 @@ def _ranked(
     return sorted(candidates(setting, stages, known, seen), key=lambda candidate: -candidate.score)
 
 
-def _used_reference(references: Sequence[str], used: Sequence[Corners], unused: Mapping[str, str]) -> str:
-    """The first of ``references`` among the ``used`` views; raises CalibrationError for none, or for too few views."""
-    names = {view.name for view in used}
-    usable = next((name for name in references if name in names), None)
-    if usable is None and (reason := unused.get(references[0])):
-        raise CalibrationError(f"the reference '{references[0]}' cannot be used ({reason}): choose another reference")
-    if usable is None:
-        raise CalibrationError(f"the reference '{references[0]}' is not among the views: choose another reference")
+def _check_used(references: Sequence[str], used: Sequence[Corners], unused: Mapping[str, str]) -> None:
+    """Raise CalibrationError where none of ``references`` is among the ``used`` views, or these are too few."""
+    if not {view.name for view in used}.intersection(references):
+        reason = unused.get(references[0])
+        cause = f"cannot be used ({reason})" if reason else "is not among the views"
+        raise CalibrationError(f"the reference '{references[0]}' {cause}: choose another reference")
     if len(used) < FEWEST_BOARDS:
         raise CalibrationError(
             f"{len(used)} of the boards can be used, but the joint refinement needs at least {FEWEST_BOARDS}: "
             "take more photographs"
         )
-    return usable
 
 
 def _spacing(seen: Observations) -> float:

@@ -214,12 +214,12 @@ def scan(seen: Observations, count: int) -> list[SimpleLens]:
     return [lens for _, lens in finite[:count]]
 
 
-def first_solution(setting: Setting, seen: Observations, given: GivenLens | None = None) -> tuple[Solution, bool]:
+def first_solution(setting: Setting, seen: Observations, given: GivenLens | None) -> tuple[Solution, bool | None]:
     """The robust solve of all boards with two radial coefficients from the best lens, and whether ``given`` fits.
 
     The lens of the scan is taken unless the ``given`` one is clearly better, so that a start changes nothing where none
-    is needed. The given one fits unless it is clearly worse. The trend is a distorting one, which sees every ray
-    whatever its parameters. Raises CalibrationError where nothing fits.
+    is needed. The given one fits unless it is clearly worse; whether it does is None where none is given. The trend is
+    a distorting one, which sees every ray whatever its parameters. Raises CalibrationError where nothing fits.
     """
     model = setting.model(LensTrend(Angles(), True, 2, tangent=False))
     from_given = None if given is None else _from_given(model, given, seen)
@@ -230,7 +230,7 @@ def first_solution(setting: Setting, seen: Observations, given: GivenLens | None
             raise
         return from_given, True
     if from_given is None:
-        return scanned, False
+        return scanned, None if given is None else False
     better = CLEAR_NOISE_RATIO * from_given.noise < scanned.noise
     return from_given if better else scanned, from_given.noise <= CLEAR_NOISE_RATIO * scanned.noise
 
