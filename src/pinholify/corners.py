@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +18,6 @@ SAME = "it has the same corners as"
 SAME_PLACE_PX = 1.0
 """Two detections of one corner in one photograph differ by less; corners of two photographs rarely do."""
 
-_ALL_ONES: Any = None
-"""Stands for the weights of :class:`Corners` until it makes them."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
@@ -29,19 +25,20 @@ class Corners:
 
     ``ids`` (n,) int64 are lattice ids of the board, each at most once. ``uv`` (n, 2) float64 are their positions in px
     of the original image (integer = pixel centre). ``weights`` (n,) float64, all 1 by default, multiply a corner's
-    residual: the standard deviation of a corner of weight ½ is taken to be twice that of one of weight 1.
+    residual: the standard deviation of a corner of weight ½ is taken to be twice that of one of weight 1. One number
+    given in their place becomes the weight of every corner.
 
     ``orientation_assumed``: a half turn of the board would look the same. ``ambiguous_offset``: the visible part of the
     board may belong elsewhere on it. ``larger_board``: no board was found because the image shows a larger one.
 
-    Raises ValueError for arrays whose shapes do not match, ids that are negative or repeated, and pixels that are not
-    finite.
+    Raises ValueError for arrays whose shapes do not match, ids that are negative or repeated, and pixels or weights
+    that are not finite.
     """
 
     name: str
     ids: Ints
     uv: Floats
-    weights: Floats = _ALL_ONES
+    weights: Floats = field(default_factory=lambda: np.array(1.0))
     reason: str = ""
     orientation_assumed: bool = False
     ambiguous_offset: bool = False
@@ -51,13 +48,13 @@ class Corners:
         ids = frozen(self.ids, (None,), np.int64)
         if len(np.unique(ids)) != len(ids) or (len(ids) and ids.min() < 0):
             raise ValueError(f"corner ids of '{self.name}' are negative or appear twice")
-        weights: ArrayLike = np.ones(len(ids)) if self.weights is _ALL_ONES else self.weights
+        weights = frozen(np.full(len(ids), self.weights) if np.ndim(self.weights) == 0 else self.weights, (len(ids),))
         uv = frozen(self.uv, (len(ids), 2))
-        if not np.isfinite(uv).all():
-            raise ValueError(f"corners of '{self.name}' are not finite")
+        if not (np.isfinite(uv).all() and np.isfinite(weights).all()):
+            raise ValueError(f"corners of '{self.name}', or their weights, are not finite")
         object.__setattr__(self, "ids", ids)
         object.__setattr__(self, "uv", uv)
-        object.__setattr__(self, "weights", frozen(weights, (len(ids),)))
+        object.__setattr__(self, "weights", weights)
 
     def __repr__(self) -> str:
         """The name, and the number of corners or the reason why there are none."""

@@ -43,7 +43,7 @@ def views(draw, name):
     if not ids:
         return not_found(name, "nothing there")
     uv = draw(st.lists(st.tuples(coordinates, coordinates), min_size=len(ids), max_size=len(ids)))
-    weights = draw(st.none() | st.lists(st.floats(1e-6, 2), min_size=len(ids), max_size=len(ids)))
+    weights = draw(st.just(1.0) | st.lists(st.floats(1e-6, 2), min_size=len(ids), max_size=len(ids)))
     return Corners(name, ids, uv, weights, "", draw(st.booleans()), draw(st.booleans()))
 
 

@@ -39,9 +39,9 @@ class Calibration:
     frame. ``intrinsics_std`` (3,) are the standard deviations of f, uc, vc in squares, nan where unknown.
     ``closed_form`` is the paper's K, by the simplified Zhang's method alone; None for a method without one.
     ``square_mm`` is the side of a square where the user gave it. ``board_points`` (corners, 3) are the board's points
-    by id, in squares: flat unless the method found the board bent or stretched. ``details`` are plain numbers and
-    texts that JSON can hold; :attr:`findings` are the same with types. ``settings`` are what was asked for, None where
-    that is unknown.
+    by id, in squares: the flat lattice unless given, as by a method that found the board bent or stretched. ``details``
+    are plain numbers and texts that JSON can hold; :attr:`findings` are the same with types. ``settings`` are what was
+    asked for, None where that is unknown.
     """
 
     camera: VirtualCamera
@@ -53,13 +53,13 @@ class Calibration:
     intrinsics_std: Floats
     square_mm: float | None = None
     closed_form: Intrinsics | None = None
-    board_points: Floats = None  # type: ignore[assignment]  # the flat lattice; an array once made
+    board_points: Floats = field(default_factory=lambda: np.empty((0, 3)))
     details: dict[str, object] = field(default_factory=dict)
     settings: Settings | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "intrinsics_std", frozen(self.intrinsics_std, (3,)))
-        points = flat(board_lattice(self.corner_set.board)) if self.board_points is None else self.board_points
+        points = self.board_points if len(self.board_points) else flat(board_lattice(self.corner_set.board))
         object.__setattr__(self, "board_points", frozen(points, (None, 3)))
 
     def __repr__(self) -> str:
