@@ -49,16 +49,16 @@ def common(first: Corners, others: np.ndarray) -> tuple[Corners, Corners]:
 def same_boards(corner_set: CornerSet, names: Sequence[str]) -> Split:
     """The split of ``corner_set`` with the boards called ``names`` in training."""
     split = alternating_split(corner_set, corner_set.views)
-    assert {view.name for view in split.train} == set(names), "corners differ so much that boards change places"
+    assert {view.name for view in split.train.views} == set(names), "corners differ so much that boards change places"
     return split
 
 
 def errors(corner_set: CornerSet, names: Sequence[str]) -> dict[str, float | None]:
     split = same_boards(corner_set, names)
-    calibration = calibrate(corner_set.with_views(split.train))
-    found = {"joint": heldout_rms(camera_residuals(calibration), split.test)}
+    calibration = calibrate(split.train)
+    found = {"joint": heldout_rms(camera_residuals(calibration, corner_set.board), split.test)}
     for model in MODELS:
-        residuals = opencv_residuals(model, split, corner_set)
+        residuals = opencv_residuals(model, split, corner_set.board)
         found[model] = None if residuals is None else heldout_rms(residuals, split.test)
     return found
 
@@ -81,7 +81,7 @@ def compare(folder: Path, spec: str) -> None:
         f"{folder.name}: {len(paths)} photographs, corners found: ours {counts[0]}, looked again {counts[1]}, OpenCV's "
         f"{theirs}; common {sum(map(len, rows['ours']))} on {len(chosen)} boards"
     )
-    names = [view.name for view in alternating_split(first, rows["ours"]).train]
+    names = [view.name for view in alternating_split(first, rows["ours"]).train.views]
     for name, views in rows.items():
         found = errors(first.with_views(views), names)
         cells = (f"{model} {'-' if error is None else f'{error:.4f}'}" for model, error in found.items())

@@ -18,10 +18,10 @@ import time
 
 import numpy as np
 
-from pinholify.board import Checkerboard, lattice
+from pinholify.board import Checkerboard
 from pinholify.corners import Corners, CornerSet
-from pinholify.evaluation.baseline import MODELS, BoardPoints, fit_opencv
-from pinholify.evaluation.heldout import camera_residuals, heldout_rms
+from pinholify.evaluation.baseline import MODELS
+from pinholify.evaluation.heldout import Split, camera_residuals, heldout_rms, opencv_residuals
 from pinholify.pipeline import calibrate
 from pinholify.simulation.lenses import LENSES
 from pinholify.simulation.views import board_poses, true_corners
@@ -50,14 +50,14 @@ def score(name):
     lens = LENSES[name]
     true = scene(lens, TRAINING + TESTING)
     noisy = true[:TRAINING] + np.random.default_rng(0).normal(0.0, NOISE, true[:TRAINING].shape)
-    boards = [BoardPoints(lattice(BOARD), uv) for uv in noisy]
-    fresh = [BoardPoints(lattice(BOARD), uv) for uv in true[TRAINING:]]
-    ours, seconds = timed(calibrate, corner_set(lens, noisy), reference="view000", method="joint")
-    joint = heldout_rms(camera_residuals(ours), fresh)
+    corners = corner_set(lens, np.concatenate([noisy, true[TRAINING:]]))
+    split = Split(corners.with_views(corners.views[:TRAINING]), corners.views[TRAINING:])
+    ours, seconds = timed(calibrate, split.train, reference="view000", method="joint")
+    joint = heldout_rms(camera_residuals(ours, BOARD), split.test)
     peers = {}
     for model in MODELS:
-        camera, peer_seconds = timed(fit_opencv, model, boards, lens.size)
-        error = heldout_rms(camera.residuals, fresh) if camera is not None else None
+        residuals, peer_seconds = timed(opencv_residuals, model, split, BOARD)
+        error = heldout_rms(residuals, split.test) if residuals is not None else None
         peers[model] = (np.inf if error is None else error, peer_seconds)
     best = min(peers, key=lambda model: peers[model][0])
     print(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pinholify.board import Checkerboard, lattice
+from pinholify.corners import Corners, CornerSet
 from pinholify.evaluation.baseline import BoardPoints, fit_opencv
 from pinholify.evaluation.heldout import alternating_split, by_size
 from pinholify.evaluation.measures import (
@@ -18,7 +19,7 @@ from pinholify.evaluation.measures import (
 )
 from pinholify.evaluation.summary import evaluate
 from pinholify.pipeline import calibrate
-from synthetic import corner_set
+from synthetic import SIZE, board_poses, corner_set, project
 
 LATTICE = lattice(Checkerboard(15, 9))
 
@@ -63,7 +64,7 @@ def test_held_out_boards_are_every_second_by_size(barrel_set):
     split = alternating_split(barrel_set, barrel_set.views)
     order = [v.name for v in by_size(barrel_set.views)]
     assert order[0] == "view0.png"
-    assert [v.name for v in split.train] == [order[i] for i in (0, 1, 3, 5, 7)]
+    assert [v.name for v in split.train.views] == [order[i] for i in (0, 1, 3, 5, 7)]
     assert len(split.test) == 4
 
 
@@ -116,6 +117,21 @@ def test_opencv_is_fitted_and_relocated(barrel_set, model):
 def test_opencv_that_cannot_be_fitted_is_none(barrel_set):
     one = [BoardPoints(np.zeros((4, 2)), np.zeros((4, 2)))]
     assert fit_opencv("opencv8", one, barrel_set.image_size) is None
+
+
+@pytest.mark.parametrize("board", [Checkerboard(18, 11), Checkerboard(10, 7)])
+def test_photographs_of_another_board_are_scored_with_that_board(barrel_calibration, board):
+    rng, points = np.random.default_rng(2), lattice(board)
+    middle = points.mean(axis=0)
+    views = []
+    for i, (rotation, translation) in enumerate(board_poses(7, 3)[1:]):
+        centre = rotation[:, :2] @ (LATTICE.mean(axis=0) - middle) + translation
+        uv = project(points @ rotation[:, :2].T + centre, 0.15)
+        views.append(Corners(f"other{i}.png", np.arange(len(points)), uv + 0.1 * rng.normal(size=uv.shape)))
+    evaluation = evaluate(barrel_calibration, CornerSet(board, SIZE, tuple(views)))
+    assert evaluation.heldout_px == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
+    assert evaluation.opencv["opencv8"].heldout_px == pytest.approx(0.1 * np.sqrt(2), rel=0.15)
+    assert evaluation.pooled.re_px == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
 
 
 def test_photographs_the_camera_was_not_made_from_are_scored_with_it_as_it_is(barrel_calibration):

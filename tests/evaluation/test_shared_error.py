@@ -45,7 +45,7 @@ def unwarped(monkeypatch):
 
 def found(corners):
     evaluation = scored(corners)
-    return shared_error_of(evaluation.calibration, evaluation.observed.values())
+    return shared_error_of(evaluation.calibration.camera, evaluation.observed.values())
 
 
 def test_noise_is_not_shared():
@@ -75,7 +75,7 @@ def test_what_each_board_has_of_its_own_is_not_shared():
 def test_one_board_shares_nothing(unwarped):
     evaluation = scored(photographed(0.02 * S_BEND))
     for boards in ([], list(evaluation.observed.values())[:1]):
-        shared = shared_error_of(evaluation.calibration, boards)
+        shared = shared_error_of(evaluation.calibration.camera, boards)
         assert (shared.rms_px, shared.p_value) == (0.0, 1.0)
 
 

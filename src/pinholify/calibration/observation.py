@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinholify.arrays import Bools, Floats
+from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import Board
+from pinholify.board import lattice as board_lattice
 from pinholify.calibration.poses import Sighting, refine_pose
 from pinholify.calibration.result import flat
 from pinholify.calibration.zhang import pose_from_homography
@@ -21,9 +21,6 @@ from pinholify.geometry import Pose, apply_homography, estimate_homography, homo
 if TYPE_CHECKING:
     from pinholify.gp.maps import PlaneMap
 
-Solid = Callable[[Floats], Floats]
-"""Lattice points (n, 2) → points of the board (n, 3), both in squares."""
-
 MINIMUM_CORNERS = 8
 MINIMUM_SHARE_INSIDE = 0.9  # of a board's corners
 MAX_MISFIT_RATIO = 10.0  # to the median misfit of all boards; beyond it corners are wrong
@@ -34,11 +31,11 @@ MAX_RAY_ANGLE_RAD = np.deg2rad(85.0)  # from the axis; towards 90° virtual poin
 class MappedBoard:
     """A board in the virtual plane.
 
-    ``inside`` (n,) marks which of its corners count. The arrays hold those corners alone: ``lattice`` (m, 2) in
-    squares, ``uv`` (m, 2) in px, virtual points ``xy`` (m, 2) in squares, ``weights`` (m,) and ``whitening`` (m, 2, 2),
-    which takes squares to px times the weight. ``used`` tells whether the board counts for K and the measures,
-    ``reason`` why not. ``homography`` (3, 3) takes the lattice to the virtual plane; ``misfit_px`` is the RMS distance
-    per corner that it leaves.
+    ``inside`` (n,) marks which of its corners count. The arrays hold those corners alone: ``ids`` (m,), ``lattice``
+    (m, 2) in squares, ``uv`` (m, 2) in px, virtual points ``xy`` (m, 2) in squares, ``weights`` (m,) and ``whitening``
+    (m, 2, 2), which takes squares to px times the weight. ``used`` tells whether the board counts for K and the
+    measures, ``reason`` why not. ``homography`` (3, 3) takes the lattice to the virtual plane; ``misfit_px`` is the RMS
+    distance per corner that it leaves.
     """
 
     name: str
@@ -46,6 +43,7 @@ class MappedBoard:
     reason: str
     corners: int
     inside: Bools
+    ids: Ints
     lattice: Floats
     uv: Floats
     xy: Floats
@@ -59,12 +57,14 @@ class MappedBoard:
 class ObservedBoard:
     """A used board with its pose, in closed form and refined; both camera_from_board in squares.
 
-    ``projected`` (m, 2) are the virtual points of its corners at the refined pose.
+    ``points`` (m, 3) are its corners on the board, in squares, and ``projected`` (m, 2) their virtual points at the
+    refined pose.
     """
 
     board: MappedBoard
     closed_form: Pose
     refined: Pose
+    points: Floats
     projected: Floats
 
     @property
@@ -80,7 +80,7 @@ def unused(view: Corners, reason: str, inside: Bools | None = None) -> MappedBoa
     inside = np.zeros(len(view), dtype=bool) if inside is None else inside
     nothing = np.empty((0, 2))
     return MappedBoard(
-        view.name, False, reason, len(view), inside,
+        view.name, False, reason, len(view), inside, np.empty(0, np.int64),
         nothing, nothing, nothing, np.empty(0), np.empty((0, 2, 2)), np.eye(3), np.nan,
     )
 
@@ -98,7 +98,7 @@ def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: 
     count, total = int(inside.sum()), len(view)
     if count < max(MINIMUM_CORNERS, MINIMUM_SHARE_INSIDE * total):
         return unused(view, f"only {count} of {total} corners lie where the camera is valid", inside)
-    lattice, uv = view.lattice(board)[inside], view.uv[inside]
+    ids, lattice, uv = view.ids[inside], view.lattice(board)[inside], view.uv[inside]
     if np.linalg.matrix_rank(lattice - lattice.mean(axis=0)) < 2:
         return unused(view, "all its corners lie on one line", inside)
     weights = view.weights[inside]
@@ -108,7 +108,7 @@ def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: 
         return unused(view, "its corners are numbered with the opposite handedness to the reference's", inside)
     residual = (whitening @ (apply_homography(homography, lattice) - xy)[:, :, None])[:, :, 0]
     misfit = float(np.sqrt((residual**2).sum(axis=1).mean()))
-    return MappedBoard(view.name, True, "", total, inside, lattice, uv, xy, weights, whitening, homography, misfit)
+    return MappedBoard(view.name, True, "", total, inside, ids, lattice, uv, xy, weights, whitening, homography, misfit)
 
 
 def map_boards(corner_set: CornerSet, plane_map: PlaneMap, inside: list[Bools]) -> list[MappedBoard]:
@@ -145,20 +145,24 @@ def without_wrong_corners(boards: list[MappedBoard], corner_set: CornerSet) -> l
 
 
 def observe(
-    camera: VirtualCamera, corner_set: CornerSet, solid: Solid = flat, closed_form: Intrinsics | None = None
+    camera: VirtualCamera,
+    corner_set: CornerSet,
+    board_points: Floats | None = None,
+    closed_form: Intrinsics | None = None,
 ) -> tuple[list[MappedBoard], dict[str, ObservedBoard]]:
     """All boards of ``corner_set`` as ``camera`` sees them, and those that count with their poses, by name.
 
-    ``solid`` takes lattice points (n, 2) to the board's points (n, 3), by default those of a flat board. The poses in
-    closed form are computed with the K of ``closed_form``, by default the camera's.
+    ``board_points`` (corners, 3) are the board's points by id, in squares, by default those of a flat board. The poses
+    in closed form are computed with the K of ``closed_form``, by default the camera's.
     """
     closed_form = closed_form or camera.intrinsics
+    points = flat(board_lattice(corner_set.board)) if board_points is None else board_points
     mapped = map_views(camera, corner_set)
     used = [b for b in mapped if b.used]
     if not used:
         return mapped, {}
-    target, uv = (np.concatenate(parts) for parts in ([solid(b.lattice) for b in used], [b.uv for b in used]))
-    every = sighting_of(camera, target, uv)
+    ids, uv = np.concatenate([b.ids for b in used]), np.concatenate([b.uv for b in used])
+    every = sighting_of(camera, points[ids], uv)
     ends = np.cumsum([len(b.uv) for b in used])
     parts = (np.split(each, ends)[:-1] for each in (every.target, every.coordinates, every.whitening))
     seen = [Sighting(*part) for part in zip(*parts, strict=True)]
@@ -195,7 +199,7 @@ def _locate(camera: VirtualCamera, board: MappedBoard, seen: Sighting, closed_fo
     closed = pose_from_homography(board.homography, closed_form)
     refined, _ = refine_pose(seen, closed, camera.chart)
     projected = camera.intrinsics.project(refined.apply(seen.target))
-    return ObservedBoard(board, closed, refined, projected)
+    return ObservedBoard(board, closed, refined, seen.target, projected)
 
 
 def estimate_pose(camera: VirtualCamera, seen: Sighting) -> tuple[Pose, Floats]:

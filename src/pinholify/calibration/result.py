@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinholify.arrays import Floats, frozen
+from pinholify.board import Board
 from pinholify.board import lattice as board_lattice
 from pinholify.calibration.findings import Findings, findings_of
 from pinholify.camera import VirtualCamera
@@ -88,12 +89,9 @@ class Calibration:
         """The corners of the same photograph that the camera was made from; None where it was not made from it."""
         return next((own for own in self.corner_set.found if same_photograph(view, own)), None)
 
-    def solid(self, lattice: Floats) -> Floats:
-        """The board's points (n, 3) in squares for lattice coordinates ``lattice`` (n, 2)."""
-        from scipy.spatial import cKDTree  # slow to load, and reading a camera needs none
-
-        ids = cKDTree(board_lattice(self.corner_set.board)).query(lattice)[1]
-        return np.asarray(self.board_points[ids])
+    def points_of(self, board: Board) -> Floats:
+        """The points (corners, 3) of ``board`` by id, in squares: as found, or flat if it is not the calibration's."""
+        return self.board_points if board.spec == self.corner_set.board.spec else flat(board_lattice(board))
 
 
 def flat(lattice: Floats) -> Floats:

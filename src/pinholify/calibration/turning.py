@@ -27,11 +27,12 @@ NOTE = "renumbered from the other end, to match the board's shape"
 def turned_alike(calibration: Calibration, corner_set: CornerSet, keep: str | None = None) -> Numbered:
     """``corner_set`` with the boards renumbered that fit the shape found by ``calibration`` better after half a turn.
 
-    Corners keep their order. Nothing changes where pictures show which way up the board is, or where its shape is
-    the same either way up. The view named ``keep`` keeps its numbering: if it fits better turned, all those that do not
-    are renumbered instead.
+    Corners keep their order. Nothing changes where pictures show which way up the board is, where its shape is the
+    same either way up, or for another board. The view named ``keep`` keeps its numbering: if it fits better turned, all
+    those that do not are renumbered instead.
     """
-    if calibration.corner_set.board.orientable or not _asymmetry(calibration.board_points) > NEGLIGIBLE_SHAPE:
+    points = calibration.points_of(corner_set.board)
+    if corner_set.board.orientable or not _asymmetry(points) > NEGLIGIBLE_SHAPE:
         return Numbered(corner_set, {})
     turned = {view.name for view in corner_set.found if _fits_better_turned(calibration, view)}
     if keep in turned:

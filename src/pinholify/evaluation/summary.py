@@ -162,19 +162,20 @@ def evaluate(
     known = frozenset(view.name for view in corner_set.found if calibration.known(view))
     wrong = wrong_corners(calibration, corner_set)
     corner_set = wrong.left_out_of(corner_set)
-    mapped, observed = observe(calibration.camera, corner_set, calibration.solid, calibration.closed_form)
+    points = calibration.points_of(corner_set.board)
+    mapped, observed = observe(calibration.camera, corner_set, points, calibration.closed_form)
     if not observed:
         raise _unscorable(mapped, UNDETERMINED if known else ELSEWHERE)
     lines = pinhole_lines(calibration.camera, list(observed.values()))
     views = [v for v in corner_set.views if v.name in observed]
     if not known:
         split = unseen_split(calibration, corner_set.found)
-        error = heldout_rms(camera_residuals(calibration), split.test)
+        error = heldout_rms(camera_residuals(calibration, corner_set.board), split.test)
         heldout = HeldOut(error, NO_BOARD_LOCATED if error is None else "")
     else:
         split = alternating_split(corner_set, views)
-        heldout = _heldout(recalibrate, corner_set, [split])
-    kfold_px = _heldout(recalibrate, corner_set, folds(corner_set, views, FOLDS)).px if kfold else None
+        heldout = _heldout(recalibrate, [split])
+    kfold_px = _heldout(recalibrate, folds(corner_set, views, FOLDS)).px if kfold else None
     opencv = _opencv(corner_set, mapped, split) if compare_opencv else {}
     measured = {name: _measured(o, calibration) for name, o in observed.items()}
     return Evaluation(
@@ -251,7 +252,7 @@ def _pooled(boards: Sequence[_Measured]) -> Pooled:
     )
 
 
-def _heldout(recalibrate: Recalibrate | None, corner_set: CornerSet, splits: Sequence[Split]) -> HeldOut:
+def _heldout(recalibrate: Recalibrate | None, splits: Sequence[Split]) -> HeldOut:
     """The pooled held-out RMS over ``splits``."""
     squares, count = 0.0, 0
     if recalibrate is None:
@@ -260,12 +261,13 @@ def _heldout(recalibrate: Recalibrate | None, corner_set: CornerSet, splits: Seq
         return HeldOut(None, "too few boards to hold some out")
     for split in splits:
         try:
-            trained = recalibrate(corner_set.with_views(split.train), split.train[0].name)
+            trained = recalibrate(split.train, split.train.views[0].name)
         except PinholifyError as error:
             return HeldOut(None, f"half of the boards do not determine a camera: {error}")
-        value, points = heldout_rms(camera_residuals(trained), split.test), sum(len(b.uv) for b in split.test)
+        value = heldout_rms(camera_residuals(trained, split.train.board), split.test)
         if value is None:
             return HeldOut(None, "a held-out board could not be located by the camera made from the others")
+        points = sum(map(len, split.test))
         squares, count = squares + value**2 * points, count + points
     return HeldOut(float(np.sqrt(squares / count)))
 
@@ -286,5 +288,5 @@ def _opencv_score(model: str, boards: list[BoardPoints], corner_set: CornerSet, 
             percent = root_mean_square(
                 100.0 * rms(r) / mean_spacing(b.lattice, b.uv) for r, b in zip(residuals, boards, strict=True)
             )
-    trained = opencv_residuals(model, split, corner_set) if split.test else None
+    trained = opencv_residuals(model, split, corner_set.board) if split.test else None
     return OpenCVScore(insample, percent, heldout_rms(trained, split.test) if trained else None)

@@ -94,7 +94,7 @@ def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
     covered = coverage(camera)
     best = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
     left_out = structure_of(errors_left_out(evaluation, corner_set), corner_set)
-    shared = shared_error_of(evaluation.calibration, evaluation.observed.values())
+    shared = shared_error_of(camera, evaluation.observed.values())
     level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, left_out, suspicious)
     reasons += _remarks(evaluation, structure, shared)
     headline = f"{_held_out(evaluation)}, {_known(evaluation)}"
@@ -131,11 +131,12 @@ def errors_left_out(evaluation: Evaluation, corner_set: CornerSet) -> CornerResi
     Unit vectors divided by the corners' weights, so that the largest errors do not dominate.
     """
     calibration, directions, wrong = evaluation.calibration, {}, {}
+    board_points = calibration.points_of(corner_set.board)
     for view in corner_set.views:
         mask, observed = ~evaluation.wrong.belonging(view), evaluation.observed.get(view.name)
         if observed is None or not mask.any():
             continue
-        points = observed.refined.apply(calibration.solid(view.lattice(corner_set.board)))
+        points = observed.refined.apply(board_points[view.ids])
         with np.errstate(all="ignore"):
             error = calibration.camera.project(points) - view.uv
         each = error / np.linalg.norm(error, axis=1, keepdims=True) / view.weights[:, None]

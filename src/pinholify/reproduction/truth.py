@@ -15,7 +15,6 @@ from pinholify.calibration.poses import moved
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
 from pinholify.corners import Corners, CornerSet
-from pinholify.evaluation.baseline import BoardPoints
 from pinholify.evaluation.heldout import alternating_split, heldout_rms
 from pinholify.evaluation.measures import rms, root_mean_square
 from pinholify.evaluation.summary import Evaluation
@@ -166,9 +165,9 @@ def heldout_floor(
     """
     known = list(poses)
 
-    def residuals(board: BoardPoints) -> Floats:
+    def residuals(view: Corners) -> Floats:
         def misses(pose: Pose) -> Floats:
-            return np.asarray(lens.project(pose.apply(board.lattice)) - board.uv)
+            return np.asarray(lens.project(pose.apply(view.lattice(corner_set.board))) - view.uv)
 
         start = min(known, key=lambda pose: rms(misses(pose)))
         fit = least_squares(lambda step: misses(moved(start, step)).ravel(), np.zeros(6), x_scale="jac")
