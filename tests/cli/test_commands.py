@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 from pinholify.board import lattice, size
+from pinholify.detection import detect_files
 from pinholify.evaluation.measures import board_lines
+from pinholify.evaluation.summary import evaluate
 from pinholify.io.camera_file import read_camera
 from pinholify.io.corner_tables import read_corner_table, write_corner_table
 from pinholify.io.images import read_image, write_image
@@ -447,3 +449,15 @@ def test_simulate(run, monkeypatch):
     with np.load("data/small/truth.npz") as archive:
         assert archive["f_uc_vc"] == pytest.approx(truth())
         assert archive["directions"].shape == (len(archive["pixels"]), 3)
+
+
+def test_photographs_whose_corners_were_refined_are_no_unseen_ones(run, photographs):
+    """Their corners as found without the camera differ from those that it was made from."""
+    words = ["--board", "9x6", "--no-opencv", "--no-heldout", "--refine-corners", "-o", "camera.npz"]
+    assert run("calibrate", photographs, *words).status == 0
+    calibration = read_camera("camera.npz")
+    found = detect_files(sorted(photographs.glob("*.png")), calibration.corner_set.board)
+    assert not any(np.array_equal(a.uv, b.uv) for a, b in zip(found.views, calibration.corner_set.views, strict=True))
+    evaluation = evaluate(calibration, found, compare_opencv=False)
+    assert evaluation.heldout_px is None  # it has seen them all
+    assert evaluation.in_sample

@@ -56,3 +56,13 @@ def test_wrong_usage(words, run, camera, tmp_path):
 
 def test_the_camera_itself_is_not_replaced(refused, camera):
     assert "is one of the inputs" in refused("mode", camera, "--bin", "2", "-o", camera, "--force")
+
+
+def test_a_start_of_the_old_mode_is_not_kept(run, camera, table):
+    words = ("--board", "9x6", "--image-size", "640x480", "--trend", "plane:1", "--no-opencv", "--no-heldout")
+    assert run("calibrate", "--corners", table, *words, "--start", camera, "-o", "led.npz").status == 0
+    assert run("mode", "led.npz", "--bin", "2", "-o", "half.npz").status == 0
+    led, half = (read_camera(name).settings for name in ("led.npz", "half.npz"))
+    assert led.start is not None
+    assert half.start is None
+    assert (half.method, half.trend) == (led.method, led.trend) == ("joint", "plane:1")
