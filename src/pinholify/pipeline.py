@@ -82,8 +82,8 @@ def calibrate(
 def recalibrate(calibration: Calibration, corner_set: CornerSet, reference: str) -> Calibration:
     """Other corners, as of half of the boards, calibrated with the settings of ``calibration``, its start included.
 
-    ``reference`` names the image whose board fixes the frame. Where the settings are unknown, as in a camera file of
-    another make, the trend is chosen again by the joint method, and kept by the one-image method. Raises InputError for
+    ``reference`` names the image whose board fixes the frame. Where the settings are unknown, as in a camera file
+    without them, the trend is chosen again by the joint method, and kept by the one-image method. Raises InputError for
     an imported camera, and else as :func:`calibrate`.
     """
     settings = calibration.settings
