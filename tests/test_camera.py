@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from pinholify.camera import Domain
+from pinholify.io.importing.adoption import adopt
+from pinholify.io.importing.base import ForeignCamera
 from pinholify.pipeline import calibrate
-from synthetic import CENTRE, FOCAL, TRUE_F, corner_set, project
+from synthetic import CENTRE, FOCAL, SIZE, TRUE_F, corner_set, project
 
 SQUEEZE = 0.15
 
@@ -84,3 +86,52 @@ def test_many_small_questions_prepare_once(barrel_calibration):
     assert sum(n > 100 for n in asked) == 1
     together = barrel_calibration.camera.project(np.array([[x, 0.2, 1.0] for x in (0.1, 0.2, 0.3)]))
     np.testing.assert_allclose(np.concatenate(first), together, atol=1e-6)
+
+
+def barrel(xyz):
+    return np.where(xyz[:, 2:] > 0, project(xyz, SQUEEZE), np.nan)
+
+
+KINDS = ["constant", "lens", "plane", "angle", "imported"]
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def any_camera(request, barrel_calibration):
+    """A camera of every kind of map."""
+    views = corner_set(6, squeeze=SQUEEZE)
+    if request.param == "constant":
+        return calibrate(views, reference="view0.png", method="one-image", trend="constant").camera
+    if request.param == "lens":
+        return barrel_calibration.camera
+    if request.param == "imported":
+        focal = np.full(2, FOCAL)
+        return adopt(ForeignCamera("a", "test", "barrel", barrel, focal, CENTRE, SIZE)).calibration.camera
+    return calibrate(views, method="joint", trend=f"{request.param}:1").camera
+
+
+def test_every_pixel_has_a_number_or_nan(any_camera):
+    far = [[1e3 * 10.0**k, -(10.0**k)] for k in (2, 3, 5, 20, 150, 300)]
+    broken = [[np.nan, 1.0], [np.inf, 2.0], [5.0, -np.inf], [np.nan, np.nan]]
+    uv = np.concatenate([[CENTRE], far, broken])
+    rays, virtual = any_camera.to_rays(uv), any_camera.to_virtual(uv)
+    answers = [rays.directions, rays.std_px, virtual.points, virtual.covariance, any_camera.virtual_points(uv)]
+    answers += [any_camera.virtual_jacobian(uv), any_camera.pixel_covariance(uv), any_camera.shape_std(uv)]
+    for answer in answers:
+        assert len(answer) == len(uv)
+        assert np.isfinite(answer[0]).all()
+        assert np.isnan(answer[-len(broken) :]).all()
+        assert not np.isinf(answer).any()
+    assert any_camera.inside(uv).tolist() == [True] + [False] * (len(uv) - 1)
+    alone = any_camera.to_rays(np.array([[np.nan, 1.0]]))
+    assert np.isnan(alone.directions).all()
+    assert any_camera.to_rays(np.empty((0, 2))).std_px.shape == (0,)
+
+
+def test_every_point_has_a_pixel_or_nan(any_camera):
+    broken = [[np.nan, 0.0, 1.0], [np.inf, 0.0, 1.0], [0.0, 0.0, -np.inf], [1e300, 0.0, 1.0]]
+    axis = any_camera.to_rays(np.array([CENTRE])).directions
+    seen = any_camera.from_rays(np.concatenate([axis, broken]))
+    np.testing.assert_allclose(seen.points[0], CENTRE, atol=0.01)
+    assert np.isnan(seen.points[1:]).all()
+    assert np.isnan(seen.covariance[1:]).all()
+    assert np.isnan(any_camera.from_virtual(np.array([[np.nan, 0.0], [np.inf, 0.0]])).points).all()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, wraps
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from pinholify.arrays import Bools, Floats
 from pinholify.charts import Chart, Intrinsics
 from pinholify.errors import InputError
-from pinholify.geometry import ConvexRegion
+from pinholify.geometry import FARTHEST, ConvexRegion, inverse_2x2
 
 if TYPE_CHECKING:  # SciPy takes longer to load than all the rest of mapping pixels to rays
     from scipy.spatial import cKDTree
@@ -30,8 +31,9 @@ class Mapped:
 
     @property
     def std(self) -> Floats:
-        """Standard deviations along both axes, (n, 2)."""
-        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        """Standard deviations along both axes, (n, 2); nan where a variance is lost in rounding."""
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +57,21 @@ class Domain:
     max_std: float = np.inf
 
 
+def _of_pixels(method: Callable[[VirtualCamera, Floats], Floats]) -> Callable[[VirtualCamera, Floats], Floats]:
+    """``method`` of pixels (n, 2), with nan for pixels that are not finite and for results that are not."""
+
+    @wraps(method)
+    def safe(camera: VirtualCamera, uv: Floats) -> Floats:
+        known = np.isfinite(uv).all(axis=1)
+        with np.errstate(all="ignore"):  # far outside the image a map may overflow
+            found = method(camera, uv[known])
+        answer = np.full((len(uv), *found.shape[1:]), np.nan)
+        answer[known] = np.where(np.isfinite(found), found, np.nan)
+        return answer
+
+    return safe
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class VirtualCamera:
     """An ideal pinhole camera behind a learnt map of its image.
@@ -62,7 +79,7 @@ class VirtualCamera:
     ``plane_map`` maps pixels to chart coordinates, ``chart`` those to rays. The frame is the reference board's: the
     optical centre is the origin, z is perpendicular to that board, and its plane is the virtual plane at z = f squares.
     ``image_size`` is (width, height) px; ``mirrored`` is whether the image is a reflection; ``noise_px`` is the fitted
-    standard deviation per axis of a corner's position.
+    standard deviation per axis of a corner's position. Pixels and points that are not finite give nan.
     """
 
     plane_map: PlaneMap
@@ -77,49 +94,60 @@ class VirtualCamera:
 
     def to_rays(self, uv: Floats) -> Rays:
         """The :class:`Rays` of pixels ``uv`` (n, 2)."""
-        directions = self.chart.directions(self.plane_map.value(uv))
-        variance = np.trace(self._ray_covariance(uv), axis1=1, axis2=2)
-        return Rays(np.zeros_like(directions), directions, np.sqrt(variance / 2.0))
+        directions = self._directions(uv)
+        return Rays(np.zeros_like(directions), directions, _rms_std(self._ray_covariance(uv)))
 
     def to_virtual(self, uv: Floats) -> Mapped:
         """Virtual points of pixels ``uv`` (n, 2), in squares; nan for rays at 90° from the axis and beyond."""
-        directions = self.chart.directions(self.plane_map.value(uv))
-        covariance = self.plane_map.virtual_covariance(uv)
-        if covariance is None:
-            jacobian = self.virtual_jacobian(uv)
-            covariance = jacobian @ self.pixel_covariance(uv) @ jacobian.transpose(0, 2, 1)
-        return Mapped(self.intrinsics.project(directions), np.asarray(covariance))
+        return Mapped(self.virtual_points(uv), self._virtual_covariance(uv))
 
     def virtual_points(self, uv: Floats) -> Floats:
         """Virtual points alone (n, 2), in squares: :meth:`to_virtual` without the covariance."""
-        return self.intrinsics.project(self.chart.directions(self.plane_map.value(uv)))
+        return self.intrinsics.project(self._directions(uv))
 
+    @_of_pixels
     def virtual_jacobian(self, uv: Floats) -> Floats:
         """∂ virtual point/∂uv, (n, 2, 2) squares per px."""
         q = self.plane_map.value(uv)
         by_direction = self.intrinsics.projection_jacobian(self.chart.directions(q))
         return np.asarray(by_direction @ self.chart.direction_jacobian(q) @ self.plane_map.jacobian(uv))
 
+    @_of_pixels
     def pixel_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) of the map, converted to a shift of the pixel, in px²."""
         return self._as_pixels(uv, self.plane_map.covariance(uv))
 
+    @_of_pixels
+    def _directions(self, uv: Floats) -> Floats:
+        """Unit directions (n, 3) of the rays of pixels ``uv`` (n, 2)."""
+        return self.chart.directions(self.plane_map.value(uv))
+
+    @_of_pixels
+    def _virtual_covariance(self, uv: Floats) -> Floats:
+        """Covariance (n, 2, 2) of virtual points, in squares²."""
+        covariance = self.plane_map.virtual_covariance(uv)
+        if covariance is None:
+            jacobian = self.virtual_jacobian(uv)
+            covariance = jacobian @ self.pixel_covariance(uv) @ jacobian.transpose(0, 2, 1)
+        return np.asarray(covariance)
+
+    @_of_pixels
     def _ray_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) in px², due to the map and K together, of the pixel that sees a ray."""
         both = self.plane_map.covariance(uv) + self.chart.covariance(self.plane_map.value(uv))
         return self._as_pixels(uv, both)
 
+    @_of_pixels
     def shape_std(self, uv: Floats) -> Floats:
         """Standard deviation (n,) of the map's shape at ``uv`` (n, 2), in px, root mean square over both axes.
 
         It excludes what a rotation of the whole camera could undo, such as the uncertainty of the reference board's
         pose.
         """
-        covariance = self._as_pixels(uv, self.plane_map.covariance_up_to_turn(uv))
-        return np.asarray(np.sqrt(np.trace(covariance, axis1=1, axis2=2) / 2.0))
+        return _rms_std(self._as_pixels(uv, self.plane_map.covariance_up_to_turn(uv)))
 
     def _as_pixels(self, uv: Floats, covariance: Floats) -> Floats:
-        inverse = np.linalg.inv(self.plane_map.jacobian(uv))
+        inverse = inverse_2x2(self.plane_map.jacobian(uv))
         return np.asarray(inverse @ covariance @ inverse.transpose(0, 2, 1))
 
     def inside(self, uv: Floats) -> Bools:
@@ -145,12 +173,18 @@ class VirtualCamera:
 
     def project(self, xyz: Floats) -> Floats:
         """Pixels (n, 2) of points ``xyz`` (n, 3) of the camera frame: :meth:`from_rays` without the covariance."""
-        q = self.chart.coordinates(xyz)
+        q = self.chart.coordinates(np.where(np.isfinite(xyz).all(axis=1, keepdims=True), xyz, np.nan))
         uv = np.full((len(xyz), 2), np.nan)
-        known = np.isfinite(q).all(axis=1)
+        known = (np.abs(q) < FARTHEST).all(axis=1)
         if known.any():
             uv[known] = invert(self, q[known])
         return uv
+
+
+def _rms_std(covariance: Floats) -> Floats:
+    """The root mean square (n,) over both axes of standard deviations; nan where a variance is lost in rounding."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(np.trace(covariance, axis1=1, axis2=2) / 2.0))
 
 
 def virtual(camera: object) -> VirtualCamera:

@@ -11,6 +11,9 @@ import numpy as np
 
 from pinholify.arrays import Bools, Floats, frozen
 
+FARTHEST = 1e150
+"""Coordinates below this have a square."""
+
 # --- homographies -----------------------------------------------------------------------------------------------
 
 
@@ -123,12 +126,13 @@ class ConvexRegion:
         return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
 
     def contains(self, xy: Floats, margin: float = 0.0) -> Bools:
-        """Whether each of ``xy`` (N, 2) lies inside, or outside by no more than ``margin``."""
+        """Whether each of ``xy`` (N, 2) lies inside, or outside by no more than ``margin``; not if it is not finite."""
         if len(self.vertices) < 3:
             return np.zeros(len(xy), dtype=bool)
         edges = np.roll(self.vertices, -1, axis=0) - self.vertices
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
-        outside = xy @ normals.T - (self.vertices * normals).sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            outside = xy @ normals.T - (self.vertices * normals).sum(axis=1)
         return np.asarray((outside <= margin + 1e-9 * np.sqrt(self.area)).all(axis=1))
 
 

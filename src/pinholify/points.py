@@ -24,7 +24,7 @@ from pinholify.calibration.observation import sighting_of
 from pinholify.calibration.poses import refine_pose
 from pinholify.camera import VirtualCamera, virtual
 from pinholify.errors import InputError
-from pinholify.geometry import Pose, homogeneous
+from pinholify.geometry import Pose, homogeneous, inverse_2x2
 from pinholify.ray_tables import Sight, exact_sight, tabulated_pixels, tabulated_sight
 
 __all__ = [
@@ -303,7 +303,7 @@ def _projection_jacobian(camera: VirtualCamera, uv: Floats, xyz: Floats) -> Floa
     known = np.isfinite(uv).all(axis=1)
     if known.any():
         by_pixel = camera.plane_map.jacobian(uv[known])
-        jacobian[known] = np.linalg.solve(by_pixel, camera.chart.coordinate_jacobian(xyz[known]))
+        jacobian[known] = inverse_2x2(by_pixel) @ camera.chart.coordinate_jacobian(xyz[known])
     return jacobian
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats
-from pinholify.geometry import solve_2x2
+from pinholify.geometry import FARTHEST, inverse_2x2, solve_2x2
 from pinholify.gp.regression import GaussianProcess
 from pinholify.gp.trends import Trend
 from pinholify.gp.trends.base import LONGEST_STEP, inverse
@@ -220,7 +220,7 @@ class DisplacementMap:
         return np.asarray(np.einsum("nij,dnj->dni", -self._jacobian_at(w), moves))  # a larger g(w), a smaller w
 
     def _jacobian_at(self, w: Floats) -> Floats:
-        inner = np.linalg.inv(np.eye(2) + self.process.jacobian(w))
+        inner = inverse_2x2(np.eye(2) + self.process.jacobian(w))
         outer = self.trend.input_jacobian(self.beta, w)
         return np.asarray(outer @ inner) * (self.outputs.scale / self.inputs.scale)
 
@@ -230,7 +230,7 @@ class DisplacementMap:
     def _undisplaced(self, x: Floats) -> Floats:
         """The w with w + g(w) = ``x`` (n, 2), by Newton's method from the nearest training point."""
         w = np.full_like(x, np.nan)
-        active = np.flatnonzero(np.isfinite(x).all(axis=1))
+        active = np.flatnonzero((np.abs(x) < FARTHEST).all(axis=1))
         known = self.process.inputs
         displaced = self._displaced(known)
         nearest = cKDTree(displaced).query(x[active])[1]
@@ -253,5 +253,5 @@ class DisplacementMap:
 
 def trend_features(trend: Trend, beta: Floats, w: Floats) -> Floats:
     """Derivative of w = h⁻¹(q) by the trend's parameters at fixed q: −(∂h/∂w)⁻¹ ∂h/∂β at ``w`` (n, 2), as (2, n, p)."""
-    features = -np.linalg.solve(trend.input_jacobian(beta, w), trend.parameter_jacobian(beta, w))
+    features = -inverse_2x2(trend.input_jacobian(beta, w)) @ trend.parameter_jacobian(beta, w)
     return np.ascontiguousarray(features.transpose(1, 0, 2))

@@ -79,7 +79,7 @@ class GaussianProcess:
 
     def variance(self, x: Floats) -> Floats:
         """Posterior variance of g at ``x`` (q, d), the linear part taken as known, the same for each output: (q,)."""
-        half = solve_triangular(self.cholesky, self.kernel.covariance(self.inputs, x), lower=True)
+        half = solve_triangular(self.cholesky, self.kernel.covariance(self.inputs, x), lower=True, check_finite=False)
         return np.asarray(np.maximum(self.kernel.std**2 - (half**2).sum(axis=0), 0.0))
 
     def covariance(self, x: Floats, features: Floats) -> Floats:
@@ -91,7 +91,8 @@ class GaussianProcess:
         unexplained = features - cross @ self.solved_features
         if not features.shape[2]:
             return np.asarray(self.variance(x)[:, None, None] * np.eye(len(self.weights)))
-        half = solve_triangular(self.precision_factor, unexplained.reshape(-1, features.shape[2]).T, lower=True)
+        sides = unexplained.reshape(-1, features.shape[2]).T  # nan where a place is
+        half = solve_triangular(self.precision_factor, sides, lower=True, check_finite=False)
         half = half.reshape(features.shape[2], len(self.weights), len(x))
         linear = np.einsum("paq,pbq->qab", half, half)
         return np.asarray(linear + self.variance(x)[:, None, None] * np.eye(len(self.weights)))
