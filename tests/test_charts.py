@@ -55,3 +55,11 @@ def test_rays_know_how_well_k_is_known():
     sampled = np.stack([np.cov(seen[:, i], rowvar=False) for i in range(3)])
     np.testing.assert_allclose(chart.covariance(q), sampled, atol=0.08 * sampled.max())
     assert not PlaneChart(Intrinsics(*k)).covariance(q).any()
+
+
+def test_virtual_points_depend_on_k_as_their_derivative_says():
+    k, xyz, h = np.array([4.0, 7.0, 4.0]), np.array([[1.0, -2.0, 3.0], [0.5, 0.1, 2.0], [0.5, 0.1, -2.0]]), 1e-6
+    by_k = [(Intrinsics(*(k + e)).project(xyz) - Intrinsics(*(k - e)).project(xyz)) / (2 * h) for e in np.eye(3) * h]
+    found = Intrinsics(*k).parameter_jacobian(xyz)
+    np.testing.assert_allclose(found[:2], np.stack(by_k, -1)[:2], atol=1e-8)
+    assert np.isnan(found[2, :, 0]).all()

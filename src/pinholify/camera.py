@@ -108,9 +108,7 @@ class VirtualCamera:
     @_of_pixels
     def virtual_jacobian(self, uv: Floats) -> Floats:
         """∂ virtual point/∂uv, (n, 2, 2) squares per px."""
-        q = self.plane_map.value(uv)
-        by_direction = self.intrinsics.projection_jacobian(self.chart.directions(q))
-        return np.asarray(by_direction @ self.chart.direction_jacobian(q) @ self.plane_map.jacobian(uv))
+        return np.asarray(self._virtual_by_chart(self.plane_map.value(uv)) @ self.plane_map.jacobian(uv))
 
     @_of_pixels
     def pixel_covariance(self, uv: Floats) -> Floats:
@@ -125,11 +123,14 @@ class VirtualCamera:
     @_of_pixels
     def _virtual_covariance(self, uv: Floats) -> Floats:
         """Covariance (n, 2, 2) of virtual points, in squares²."""
-        covariance = self.plane_map.virtual_covariance(uv)
-        if covariance is None:
-            jacobian = self.virtual_jacobian(uv)
-            covariance = jacobian @ self.pixel_covariance(uv) @ jacobian.transpose(0, 2, 1)
-        return np.asarray(covariance)
+        q = self.plane_map.value(uv)
+        by_k = self.intrinsics.parameter_jacobian(self.chart.directions(q))
+        return self.plane_map.virtual_covariance(uv, self._virtual_by_chart(q), by_k)
+
+    def _virtual_by_chart(self, q: Floats) -> Floats:
+        """∂ virtual point/∂ ``q`` (n, 2): (n, 2, 2)."""
+        by_direction = self.intrinsics.projection_jacobian(self.chart.directions(q))
+        return np.asarray(by_direction @ self.chart.direction_jacobian(q))
 
     @_of_pixels
     def _ray_covariance(self, uv: Floats) -> Floats:

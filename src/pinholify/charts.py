@@ -46,6 +46,11 @@ class Intrinsics:
         jacobian[:, 0, 2], jacobian[:, 1, 2] = -self.f * x / z**2, -self.f * y / z**2
         return jacobian
 
+    def parameter_jacobian(self, xyz: Floats) -> Floats:
+        """Derivative (n, 2, 3) of :meth:`project` by (f, uc, vc)."""
+        z = np.where(xyz[:, 2:] > 0, xyz[:, 2:], np.nan)
+        return np.concatenate([(xyz[:, :2] / z)[:, :, None], np.broadcast_to(np.eye(2), (len(xyz), 2, 2))], axis=2)
+
 
 class Chart(Protocol):
     """Coordinates q (n, 2) of ray directions in the camera frame of the reference board."""
@@ -108,9 +113,7 @@ class PlaneChart:
 
     def covariance(self, q: Floats) -> Floats:
         """Covariance (n, 2, 2) in squares² due to that of K; zero if that is not known."""
-        by_k = np.zeros((len(q), 2, 3))
-        by_k[:, :, 0] = (q - [self.intrinsics.uc, self.intrinsics.vc]) / self.intrinsics.f
-        by_k[:, 0, 1] = by_k[:, 1, 2] = 1.0
+        by_k = self.intrinsics.parameter_jacobian(self.intrinsics.directions(q))
         k = np.zeros((3, 3)) if self.intrinsics_covariance is None else self.intrinsics_covariance
         return np.asarray(by_k @ k @ by_k.transpose(0, 2, 1))
 

@@ -58,9 +58,18 @@ class SensorMode:
         """Covariance (n, 2, 2) of q up to a rotation of the whole camera."""
         return self.plane_map.covariance_up_to_turn(self.calibrated(uv))
 
-    def virtual_covariance(self, uv: Floats) -> Floats | None:
-        """Covariance (n, 2, 2) of virtual points, if the calibrated map provides it."""
-        return self.plane_map.virtual_covariance(self.calibrated(uv))
+    def virtual_covariance(self, uv: Floats, by_q: Floats, by_k: Floats) -> Floats:
+        """Covariance (n, 2, 2) of virtual points with the derivatives ``by_q`` (n, 2, 2) and ``by_k`` (n, 2, 3)."""
+        return self.plane_map.virtual_covariance(self.calibrated(uv), by_q, by_k)
+
+    def covariance_root(self, uv: Floats) -> Floats:
+        """A root (n, 2, r) of the covariance of all q together; r = 0 where the calibrated map has none."""
+        return self.plane_map.covariance_root(self.calibrated(uv))
+
+    @property
+    def disagreement(self) -> float:
+        """That of the calibrated map."""
+        return self.plane_map.disagreement
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """The mode's pixels (n, 2) of ``q`` (n, 2)."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from scipy import sparse
@@ -15,7 +16,7 @@ from scipy.sparse.linalg import spsolve
 
 from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.geometry import ConvexRegion
-from pinholify.gp.maps import Nearby, newton_inverse
+from pinholify.gp.maps import Nearby, newton_inverse, propagated
 
 SMOOTHING = 1e-9  # of the mean weight of a control point: only effective where there are no data
 
@@ -157,6 +158,7 @@ class SplineMap:
     surface: SplineSurface
     std_px: float
     known: ConvexRegion | None = None
+    disagreement: ClassVar[float] = 1.0
 
     def value(self, uv: Floats) -> Floats:
         """q (n, 2) of pixels ``uv`` (n, 2)."""
@@ -175,9 +177,13 @@ class SplineMap:
         """The same as :meth:`covariance`: the fit includes no rotation."""
         return self.covariance(uv)
 
-    def virtual_covariance(self, uv: Floats) -> None:
-        """None: K is taken from the other program without an uncertainty."""
-        return
+    def virtual_covariance(self, uv: Floats, by_q: Floats, by_k: Floats) -> Floats:
+        """Covariance (n, 2, 2) of virtual points; K is taken from the other program without an uncertainty."""
+        return propagated(by_q, self.covariance(uv))
+
+    def covariance_root(self, uv: Floats) -> Floats:
+        """Empty (n, 2, 0)."""
+        return np.empty((len(uv), 2, 0))
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """uv (n, 2) of ``q`` (n, 2) by Newton's method, whose steps may leave ``known`` and return."""

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from pinholify.arrays import Floats
+from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners
 from pinholify.errors import InputError
+from pinholify.modes import binned, cropped
 from pinholify.refinement import (
     JointResult,
     compare,
@@ -129,3 +131,39 @@ def test_cameras_of_different_images_are_not_compared(result: JointResult) -> No
     other = replace(result.camera, image_size=(640, 480))
     with pytest.raises(InputError, match=r"800x600.*640x480"):
         compare(result.camera, other)
+
+
+@pytest.fixture(scope="module")
+def pair(scenes: dict[str, Scene], result: JointResult) -> tuple[VirtualCamera, VirtualCamera]:
+    """Two calibrations of one camera by different photographs."""
+    again = make_scene("pinhole", seed=5)
+    return result.camera, refine(again.corners, reference="view00", trend="plane:0").camera
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_a_crop_of_the_whole_image_is_compared_like_the_camera(
+    pair: tuple[VirtualCamera, VirtualCamera], plain: bool
+) -> None:
+    one, two = pair
+    expected, found = compare(one, two), compare(cropped(one, 0, 0, SIZE), two if plain else cropped(two, 0, 0, SIZE))
+    assert found.expected_rms == pytest.approx(expected.expected_rms, rel=1e-9)
+    assert found.rms() == pytest.approx(expected.rms(), rel=1e-6)
+
+
+def test_binned_cameras_differ_by_half_as_many_pixels(pair: tuple[VirtualCamera, VirtualCamera]) -> None:
+    expected, found = compare(*pair), compare(*(binned(camera, 2) for camera in pair))
+    assert found.expected_rms == pytest.approx(expected.expected_rms / 2.0, rel=0.02)  # its grid ends elsewhere
+    assert found.rms() == pytest.approx(expected.rms() / 2.0, rel=0.05)
+
+
+def test_the_next_board_of_another_mode(result: JointResult) -> None:
+    advice = next_board(result.camera, BOARD, result.poses)
+    same = next_board(cropped(result.camera, 0, 0, SIZE), BOARD, result.poses)
+    assert advice is not None
+    assert same is not None
+    np.testing.assert_allclose(same.outline, advice.outline, atol=1e-6)
+    assert same.std_after == pytest.approx(advice.std_after, rel=1e-9)
+    half = next_board(binned(result.camera, 2), BOARD, result.poses)
+    assert half is not None
+    assert half.std_before == pytest.approx(advice.std_before / 2.0, rel=0.05)
+    assert half.std_after == pytest.approx(advice.std_after / 2.0, rel=0.1)

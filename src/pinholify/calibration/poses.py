@@ -218,9 +218,7 @@ def _linearised(sightings: Sequence[Sighting], k: Floats, poses: Sequence[Pose])
 def _derivatives(sighting: Sighting, pose: Pose, intrinsics: Intrinsics) -> tuple[Floats, Floats, Floats]:
     """Derivatives of one board's residuals by K (2n, 3) and by its pose (2n, 6), and the residuals (2n,), px."""
     residual, by_pose = pose_residuals(sighting, pose, PlaneChart(intrinsics))
-    directions = pose.apply(sighting.target)
-    shape = (directions[:, :2] / directions[:, 2:])[:, :, None]
-    by_k = np.concatenate([shape, np.broadcast_to(np.eye(2), (len(shape), 2, 2))], axis=2)
+    by_k = intrinsics.parameter_jacobian(pose.apply(sighting.target))
     return (sighting.whitening @ by_k).reshape(-1, 3), by_pose, residual
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -57,8 +57,20 @@ class PlaneMap(SmoothMap, Protocol):
         """The same without what a rotation of the whole camera would undo: the uncertainty of the map's shape."""
         ...
 
-    def virtual_covariance(self, uv: Floats) -> Floats | None:
-        """Covariance (n, 2, 2) of virtual points where they share errors with K; None where that of q suffices."""
+    def virtual_covariance(self, uv: Floats, by_q: Floats, by_k: Floats) -> Floats:
+        """Covariance (n, 2, 2) of virtual points, without the error of a K that was not found together with the map.
+
+        ``by_q`` (n, 2, 2) and ``by_k`` (n, 2, 3) are their derivatives by q and by K.
+        """
+        ...
+
+    def covariance_root(self, uv: Floats) -> Floats:
+        """A root (n, 2, r) of the covariance of all q together; r = 0 where the map has that of each q alone."""
+        ...
+
+    @property
+    def disagreement(self) -> float:
+        """The factor by which standard deviations exceed those due to noise alone."""
         ...
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
@@ -71,6 +83,11 @@ class PlaneMap(SmoothMap, Protocol):
     def noise_response(self, uv: Floats, draws: int, rng: np.random.Generator) -> Floats:
         """Changes of q at ``uv`` (n, 2) for new draws of the data's noise: (draws, n, 2)."""
         ...
+
+
+def propagated(jacobian: Floats, covariance: Floats) -> Floats:
+    """The ``covariance`` (n, 2, 2) of inputs, as that (n, 2, 2) of outputs with the ``jacobian`` (n, 2, 2)."""
+    return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
 
 
 def newton_inverse(smooth_map: SmoothMap, q: Floats, start: Floats, reach: float) -> Floats:
@@ -131,6 +148,7 @@ class AdditiveMap:
     outputs: Scaling
     mean: Floats
     processes: tuple[GaussianProcess, GaussianProcess]
+    disagreement: ClassVar[float] = 1.0
 
     def value(self, uv: Floats) -> Floats:
         """q at ``uv`` (n, 2): (n, 2)."""
@@ -153,9 +171,13 @@ class AdditiveMap:
         """The covariance itself: the plane is the reference board's, there is no turn."""
         return self.covariance(uv)
 
-    def virtual_covariance(self, uv: Floats) -> None:
-        """None: the map ends in the virtual plane, so K has no part in it."""
-        return
+    def virtual_covariance(self, uv: Floats, by_q: Floats, by_k: Floats) -> Floats:
+        """Covariance (n, 2, 2) of virtual points; K was not found together with the map."""
+        return propagated(by_q, self.covariance(uv))
+
+    def covariance_root(self, uv: Floats) -> Floats:
+        """Empty (n, 2, 0)."""
+        return np.empty((len(uv), 2, 0))
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """The uv (n, 2) of ``q`` (n, 2), by Newton's method from ``nearby``; nan where it diverges."""
@@ -180,6 +202,7 @@ class DisplacementMap:
     trend: Trend
     beta: Floats
     process: GaussianProcess
+    disagreement: ClassVar[float] = 1.0
 
     def value(self, uv: Floats) -> Floats:
         """q at ``uv`` (n, 2): (n, 2)."""
@@ -195,15 +218,19 @@ class DisplacementMap:
         w = self._undisplaced(self.inputs.normalise(uv))
         jacobian = self._jacobian_at(w)
         covariance = self.process.covariance(w, trend_features(self.trend, self.beta, w)) * self.inputs.scale**2
-        return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
+        return propagated(jacobian, covariance)
 
     def covariance_up_to_turn(self, uv: Floats) -> Floats:
         """The covariance itself: the plane is the reference board's, there is no turn."""
         return self.covariance(uv)
 
-    def virtual_covariance(self, uv: Floats) -> None:
-        """None: the map ends in the virtual plane, so K has no part in it."""
-        return
+    def virtual_covariance(self, uv: Floats, by_q: Floats, by_k: Floats) -> Floats:
+        """Covariance (n, 2, 2) of virtual points; K was not found together with the map."""
+        return propagated(by_q, self.covariance(uv))
+
+    def covariance_root(self, uv: Floats) -> Floats:
+        """Empty (n, 2, 0)."""
+        return np.empty((len(uv), 2, 0))
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """The uv (n, 2) of ``q`` (n, 2), nan where the trend has none: only the trend has to be inverted."""

@@ -10,8 +10,7 @@ from scipy.optimize import least_squares
 from pinholify.arrays import Bools, Floats
 from pinholify.camera import VirtualCamera
 from pinholify.errors import InputError
-from pinholify.geometry import cross_matrices, nearest_rotation, rotations_of
-from pinholify.refinement.maps import JointMap
+from pinholify.geometry import cross_matrices, inverse_2x2, nearest_rotation, rotations_of
 
 GRID = 40  # pixels along each side of the image
 
@@ -74,10 +73,10 @@ def _own_std(camera: VirtualCamera, uv: Floats, covered: Bools) -> Floats:
 
     For a map that does not give the correlations of its errors, it is all of the error.
     """
-    plane_map = camera.plane_map
-    if not isinstance(plane_map, JointMap):
+    root = camera.plane_map.covariance_root(uv)
+    if not root.shape[2]:
         return camera.to_rays(uv).std_px
-    errors = np.linalg.solve(plane_map.jacobian(uv), plane_map.features(uv)) @ plane_map.root
+    errors = inverse_2x2(camera.plane_map.jacobian(uv)) @ root
     turns = _pixels_per_direction(camera, uv) @ cross_matrices(camera.to_rays(uv).directions)
     chosen = turns[covered].reshape(-1, 3)
     taken_up = np.linalg.lstsq(chosen, errors[covered].reshape(len(chosen), -1), rcond=None)[0]

@@ -18,7 +18,7 @@ from pinholify.board import Board, lattice, outline
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
 from pinholify.geometry import POSE_DOF, Pose, cross_matrices, inverse_2x2, rotations_of
-from pinholify.refinement.maps import JointMap
+from pinholify.gp.maps import PlaneMap
 
 NEIGHBOURS = 8  # of each corner, in the test of structure
 GRID_POINTS = 12  # along each side of the image, over which the next board's gain is averaged
@@ -158,16 +158,15 @@ def next_board(
     measurement). Pixels where the map has no ray do not count, and no corner is placed there. None where the camera is
     not a joint one, or no board fits into the image.
     """
-    plane_map = camera.plane_map
-    if not isinstance(plane_map, JointMap):
+    errors = _px_errors(camera.plane_map, _image_grid(camera.image_size, GRID_POINTS))
+    if not errors.shape[2]:
         return None
-    grid = _px_features(plane_map, _image_grid(camera.image_size, GRID_POINTS))
-    spread = grid[np.isfinite(grid).all(axis=(1, 2))].reshape(-1, len(plane_map.root)) @ plane_map.root
+    spread = errors[np.isfinite(errors).all(axis=(1, 2))].reshape(-1, errors.shape[2])
     variance = float((spread**2).sum())
     best, most = None, -1.0
     placements = list(_placements(camera, board, known, targets, np.random.default_rng(seed)))
     for pose, uv in _within_image(camera, board, placements):
-        gain = _explained(camera, plane_map, board, pose, uv, spread)
+        gain = _explained(camera, board, pose, uv, spread)
         if gain is not None and gain > most:
             best, most = pose, gain
     if best is None:
@@ -186,9 +185,9 @@ def _image_grid(image_size: tuple[int, int], count: int) -> Floats:
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
-def _px_features(plane_map: JointMap, uv: Floats) -> Floats:
-    """∂(shift of the pixel)/∂unknowns (n, 2, D), in px, at ``uv`` (n, 2)."""
-    return np.asarray(inverse_2x2(plane_map.jacobian(uv)) @ plane_map.features(uv))
+def _px_errors(plane_map: PlaneMap, uv: Floats) -> Floats:
+    """A root (n, 2, r) of the covariance of the map at all ``uv`` (n, 2), as shifts of the pixels, in px."""
+    return np.asarray(inverse_2x2(plane_map.jacobian(uv)) @ plane_map.covariance_root(uv))
 
 
 def _outline(board: Board) -> Floats:
@@ -220,18 +219,17 @@ def _within_image(camera: VirtualCamera, board: Board, poses: Sequence[Pose]) ->
             yield pose, seen
 
 
-def _explained(
-    camera: VirtualCamera, plane_map: JointMap, board: Board, pose: Pose, uv: Floats, spread: Floats
-) -> float | None:
+def _explained(camera: VirtualCamera, board: Board, pose: Pose, uv: Floats, spread: Floats) -> float | None:
     """The decrease of the sum of squares of ``spread`` by a board at ``pose`` with its corners at ``uv`` (n, 2).
 
     ``spread`` (m, r) is the effect of a root of the covariance. None where the map has no ray at one of the corners.
     """
+    plane_map = camera.plane_map
     every = max(1, len(uv) // SAMPLED_CORNERS)
     xyz, uv = pose.apply(lattice(board))[::every], uv[::every]
     by_point = inverse_2x2(plane_map.jacobian(uv)) @ camera.chart.coordinate_jacobian(xyz)
     own = np.concatenate([-by_point @ cross_matrices(xyz - pose.translation), by_point], axis=2).reshape(-1, POSE_DOF)
-    rows = _px_features(plane_map, uv).reshape(len(own), -1) @ plane_map.root
+    rows = _px_errors(plane_map, uv).reshape(len(own), -1)
     if not (np.isfinite(own).all() and np.isfinite(rows).all()):
         return None
     rows -= own @ np.linalg.lstsq(own, rows, rcond=None)[0]  # the new board's own pose is free

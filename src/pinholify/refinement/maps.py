@@ -16,7 +16,6 @@ import numpy as np
 from pinholify.arrays import Floats, frozen
 from pinholify.charts import (
     angles_to_directions,
-    angles_to_directions_jacobian,
     directions_to_angles,
     directions_to_angles_jacobian,
 )
@@ -105,9 +104,22 @@ class JointMap:
         """The same map with errors ``factor`` times as large, for boards that disagree more than noise explains."""
         return replace(self, root=factor * self.root, turn_root=factor * self.turn_root, disagreement=factor)
 
-    def virtual_covariance(self, uv: Floats) -> Floats:
-        """Covariance (n, 2, 2) of virtual points, squares²: errors that the reference pose and K share cancel."""
-        return self._covariances(uv, self._slopes_of_virtual, self.root)
+    def virtual_covariance(self, uv: Floats, by_q: Floats, by_k: Floats) -> Floats:
+        """Covariance (n, 2, 2) of virtual points, squares²: errors that the reference pose and K share cancel.
+
+        ``by_q`` (n, 2, 2) and ``by_k`` (n, 2, 3) are their derivatives by q and by K.
+        """
+        k_by_rest = self.intrinsics_features()[:, 2 * len(self.basis) :]
+
+        def slopes(w: Floats, by_q: Floats, by_k: Floats) -> tuple[Floats, Floats]:
+            by_displacement, by_rest = self._slopes_of_angles(w)
+            return by_q @ by_displacement, by_q @ by_rest + by_k @ k_by_rest
+
+        return self._covariances(uv, slopes, self.root, by_q, by_k)
+
+    def covariance_root(self, uv: Floats) -> Floats:
+        """A root (n, 2, r) of the covariance of all q together, radians."""
+        return np.asarray(self.features(uv) @ self.root)
 
     def inverse(self, q: Floats, nearby: Nearby) -> Floats:
         """Pixels uv (n, 2) of angles ``q`` (n, 2), on the trend's own branch; nan where it has none."""
@@ -128,7 +140,9 @@ class JointMap:
     def features(self, uv: Floats) -> Floats:
         """∂q/∂(unknowns of :attr:`root`) (n, 2, D + 6) at fixed ``uv`` (n, 2), q in the reference board's frame."""
         w = self._undisplaced(uv)
-        return self._spread_out(w, *self._slopes_of_angles(w))
+        by_displacement, by_rest = self._slopes_of_angles(w)
+        displaced = by_displacement[:, :, :, None] * self.basis.values(w)[:, None, None, :]
+        return np.concatenate([displaced.reshape(len(w), 2, -1), by_rest], axis=2)
 
     def intrinsics_features(self) -> Floats:
         """∂(f, uc, vc)/∂(unknowns of :attr:`root`) (3, D + 6), in squares."""
@@ -137,19 +151,6 @@ class JointMap:
         features[:, -POSE_DOF:] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]) @ centre
         return features
 
-    def virtual_features(self, uv: Floats) -> Floats:
-        """∂(virtual point)/∂(unknowns of :attr:`root`) (n, 2, D + 6) at fixed ``uv`` (n, 2), in squares.
-
-        Unlike that of a ray, the error of a virtual point is without what the reference board's pose and K share.
-        """
-        w = self._undisplaced(uv)
-        return self._spread_out(w, *self._slopes_of_virtual(w))
-
-    def _spread_out(self, w: Floats, by_displacement: Floats, by_rest: Floats) -> Floats:
-        """Derivatives (n, 2, D + 6) by all unknowns, from those by g(w) (n, 2, 2) and by all unknowns but weights."""
-        displaced = by_displacement[:, :, :, None] * self.basis.values(w)[:, None, None, :]
-        return np.concatenate([displaced.reshape(len(w), 2, -1), by_rest], axis=2)
-
     def _slopes_of_angles(self, w: Floats) -> tuple[Floats, Floats]:
         """∂q/∂g (n, 2, 2) and ∂q/∂(β, rotation, translation) (n, 2, P + 6) at fixed uv, at ``w`` (n, 2)."""
         by_image, by_beta = self._slopes(w)
@@ -157,37 +158,23 @@ class JointMap:
         by_turn = directions_to_angles_jacobian(directions) @ cross_matrices(directions)
         return -by_image, np.concatenate([by_beta, by_turn, np.zeros((len(w), 2, 3))], axis=2)
 
-    def _slopes_of_virtual(self, w: Floats) -> tuple[Floats, Floats]:
-        """The same derivatives of virtual points, in squares."""
-        q = self._angles(w)
-        directions = angles_to_directions(q) @ self.rotation
-        f = (self.rotation.T @ self.translation)[2]
-        x, y, z = directions.T
-        by_direction = np.zeros((len(w), 2, 3))
-        by_direction[:, 0, 0] = by_direction[:, 1, 1] = f / z
-        by_direction[:, 0, 2], by_direction[:, 1, 2] = -f * x / z**2, -f * y / z**2
-        by_angles = by_direction @ (self.rotation.T @ angles_to_directions_jacobian(q))
-        by_k = np.zeros((len(w), 2, 3))
-        by_k[:, 0, 0], by_k[:, 1, 0] = x / z, y / z
-        by_k[:, 0, 1] = by_k[:, 1, 2] = 1.0
-        by_displacement, by_rest = self._slopes_of_angles(w)
-        by_rest = by_angles @ by_rest + by_k @ self.intrinsics_features()[:, 2 * len(self.basis) :]
-        return by_angles @ by_displacement, by_rest
-
-    def _covariances(self, uv: Floats, slopes: Callable[[Floats], tuple[Floats, Floats]], root: Floats) -> Floats:
+    def _covariances(
+        self, uv: Floats, slopes: Callable[..., tuple[Floats, Floats]], root: Floats, *given: Floats
+    ) -> Floats:
         """Covariances (n, 2, 2) at pixels ``uv`` (n, 2) of a function of the unknowns, given its derivatives.
 
-        ``slopes`` are those by g(w) and by the unknowns that are not weights; ``root`` is that of their covariance.
+        ``slopes`` of w and of what is ``given`` (n, …) for each pixel are those by g(w) and by the unknowns that are
+        not weights; ``root`` is that of their covariance.
         """
         m, unknowns = len(self.basis), root @ root.T
         u, v = slice(m), slice(m, 2 * m)
         series = self.basis.product_series(np.stack([unknowns[u, u], unknowns[u, v], unknowns[v, v]]))
 
-        def covariances(some: Floats) -> Floats:
+        def covariances(some: Floats, *given: Floats) -> Floats:
             w = self._undisplaced(some)
-            return self._propagated(w, *slopes(w), unknowns, series)
+            return self._propagated(w, *slopes(w, *given), unknowns, series)
 
-        return _in_parts(covariances, uv)
+        return _in_parts(covariances, uv, *given)
 
     def _propagated(
         self, w: Floats, by_displacement: Floats, by_rest: Floats, unknowns: Floats, series: Floats
@@ -224,6 +211,7 @@ class JointMap:
         return by_w @ inverse_2x2(displacement), -by_w @ by_beta
 
 
-def _in_parts(function: Callable[[Floats], Floats], uv: Floats) -> Floats:
-    """``function`` of pixels ``uv`` (n, 2), computed in parts to limit memory."""
-    return np.concatenate([function(some) for some in np.array_split(uv, len(uv) // MAX_PIXELS_AT_ONCE + 1)])
+def _in_parts(function: Callable[..., Floats], *given: Floats) -> Floats:
+    """``function`` of arrays (n, …), with a row for each pixel, computed in parts to limit memory."""
+    count = len(given[0]) // MAX_PIXELS_AT_ONCE + 1
+    return np.concatenate([function(*some) for some in zip(*(np.array_split(a, count) for a in given), strict=True)])
