@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -180,10 +182,34 @@ def test_a_noisy_pose_is_of_least_squares(camera):
 
 
 def test_too_few_points_are_refused(camera):
-    with pytest.raises(InputError, match="3 points were given where a pose needs 4"):
+    with pytest.raises(InputError, match="a pose needs 4 points whose pixels have rays, and 3 of 3 do"):
         solve_pnp(np.eye(3), pixels(3), camera)
     with pytest.raises(InputError, match="5 points and 4 pixels"):
         solve_pnp(np.ones((5, 3)), pixels(4), camera)
+
+
+class PartlyBlindMap(OpenCVMap):
+    """Left of column 100 the camera sees nothing; below row 1000 it sees everywhere the same."""
+
+    def value(self, uv):
+        return np.where(uv[:, :1] < 100, np.nan, super().value(uv))
+
+    def jacobian(self, uv):
+        jacobian = np.where(uv[:, :1, None] < 100, np.nan, super().jacobian(uv))
+        return np.where(uv[:, 1:, None] > 1000, 0.0, jacobian)
+
+
+def test_pixels_without_rays_do_not_spoil_a_pose(camera):
+    points = np.concatenate([solid_points(), np.zeros((2, 3))])
+    image = project_points(points, RVEC, TVEC, camera)[0]
+    image[-2:] = [[50.0, 200.0], [300.0, 5000.0]]
+    partly = replace(camera, plane_map=PartlyBlindMap())
+    assert (image[:-2, 0] > 100).all()
+    _, rvec, tvec = solve_pnp(points, image, partly)
+    np.testing.assert_allclose(rvec[:, 0], RVEC, atol=1e-7)
+    np.testing.assert_allclose(tvec[:, 0], TVEC, atol=1e-6)
+    with pytest.raises(InputError, match="whose pixels have rays, and 3 of 5 do"):
+        solve_pnp(points[-5:], image[-5:], partly)
 
 
 @pytest.mark.parametrize("points", [np.outer(np.linspace(-3, 3, 9), [1.0, 2.0, 0.5]), np.ones((9, 3))])

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from pinholify.arrays import Floats
+from pinholify.arrays import Bools, Floats
 from pinholify.calibration.observation import sighting_of
 from pinholify.calibration.poses import refine_pose
 from pinholify.camera import VirtualCamera, virtual
@@ -174,21 +174,32 @@ def solve_pnp(
     """The pose of ``objectPoints`` (…, 3) seen at the pixels ``imagePoints`` (…, 2), like ``cv2.solvePnP``.
 
     Returns True, rvec (3, 1), and tvec (3, 1) in the unit of the points. The pose minimises the squared residuals in
-    px, for coplanar points or not, and for any field of view. Raises InputError for fewer than four points, if the
-    numbers of points and pixels differ, and if the points do not determine a pose.
+    px, for coplanar points or not, and for any field of view. Points and pixels that are nan, and pixels without a ray,
+    are left out. Raises InputError for fewer than four others, if the numbers of points and pixels differ, and if the
+    points do not determine a pose.
     """
     points, uv = _rows(objectPoints, 3)[1], _rows(imagePoints, 2)[1]
     if len(points) != len(uv):
         raise InputError(f"{len(points)} points and {len(uv)} pixels were given; each point needs its pixel")
-    known = np.isfinite(points).all(axis=1) & np.isfinite(uv).all(axis=1)
+    known: Bools = np.asarray(np.isfinite(points).all(axis=1) & np.isfinite(uv).all(axis=1))
+    known[known] = _have_rays(virtual(camera), uv[known])
     if known.sum() < FEWEST_POINTS:
-        raise InputError(f"{known.sum()} points were given where a pose needs {FEWEST_POINTS}; give more")
-    seen = sighting_of(virtual(camera), points[known], uv[known])
+        raise InputError(
+            f"a pose needs {FEWEST_POINTS} points whose pixels have rays, and {known.sum()} of {len(points)} do; give "
+            "more of them, inside the camera's domain"
+        )
+    seen = sighting_of(camera, points[known], uv[known])
     start = _first_pose(points[known], camera.chart.directions(seen.coordinates))
     pose, _ = refine_pose(seen, start, camera.chart)
     turn = _rotation(R)
     rvec = Rotation.from_matrix(turn @ pose.rotation).as_rotvec()
     return True, rvec.reshape(3, 1), (turn @ pose.translation).reshape(3, 1)
+
+
+def _have_rays(camera: VirtualCamera, uv: Floats) -> Bools:
+    """Which (n,) of the pixels ``uv`` (n, 2) have a ray, and another one beside them."""
+    slopes = inverse_2x2(camera.plane_map.jacobian(uv))
+    return np.asarray(np.isfinite(camera.plane_map.value(uv)).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2)))
 
 
 def _first_pose(points: Floats, directions: Floats) -> Pose:
