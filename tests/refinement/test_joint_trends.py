@@ -1,3 +1,5 @@
+from itertools import product
+
 import cv2
 import numpy as np
 import pytest
@@ -5,13 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pinholify.errors import InputError
-from pinholify.refinement.trends import FAMILIES, Angles, LensTrend, Plane, Trend, searches_named
+from pinholify.refinement.trends import FAMILIES, Angles, LensTrend, Plane, RayChart, Trend, searches_named
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
 from pinholify.refinement.trends.polynomial import PolynomialTrend
 from pinholify.refinement.trends.radial import Radial, tangent_law
 
 TRENDS = [trend for build in FAMILIES.values() for search in build(3) for trend in search.within]
 TRENDS += sorted({t.around().general for t in TRENDS if isinstance(t, LensTrend)}, key=lambda trend: trend.name)
+FLAGS = list(product((False, True), repeat=6))
 HALF = np.array([0.8, 0.6])
 
 
@@ -31,6 +34,18 @@ def test_image_undoes_ray(trend: Trend) -> None:
 
 @pytest.mark.parametrize("trend", TRENDS, ids=lambda trend: trend.name)
 def test_jacobians(trend: Trend) -> None:
+    check_jacobians(trend)
+
+
+@pytest.mark.parametrize("order", [0, 2])
+@pytest.mark.parametrize("distorting", [False, True])
+@pytest.mark.parametrize("chart", [Plane(), Angles()])
+def test_jacobians_of_every_combination_of_parameters(chart: RayChart, distorting: bool, order: int) -> None:
+    for flags in FLAGS:
+        check_jacobians(LensTrend(chart, distorting, order, *flags))
+
+
+def check_jacobians(trend: Trend) -> None:
     beta, w, c = example(trend)
     by_ray, by_beta = trend.jacobians(beta, w, c)
     for i, h in enumerate(1e-6 * np.eye(2)):

@@ -258,6 +258,11 @@ class LensTrend:
         return self.tangent or self.order > 0
 
     @property
+    def _bent(self) -> bool:
+        """Whether it has decentring or a prism."""
+        return self.decentred or self.prismatic
+
+    @property
     def _free(self) -> Bools:
         """Mask of the full family's parameters that this trend has."""
         flags = [(True, 1), (self.anisotropic, 2), (True, 2), (self._has_offset, 2), (self.elliptic, 1)]
@@ -370,13 +375,13 @@ class LensTrend:
             inner = p.radial.jacobian_parts(m)
             by_ray = p.matrix @ inner  # A is symmetric
             columns[:, :3] = _products(inner, p.matrix_columns(e))
-            columns[:, 7:] = p.radial.shape_jacobian(m, bent=self.decentred)
+            columns[:, 7:] = p.radial.shape_jacobian(m, bent=self._bent)
         else:
             d = (w - p.centre).T
             inner = inverse_of_parts(p.radial.jacobian_parts(d))
             by_ray = np.linalg.inv(p.matrix) @ inner
             columns[:, :3] = -_products(by_ray, p.matrix_columns(p.radial.value(d.T).T))
-            columns[:, 7:] = -_products(inner, p.radial.shape_jacobian(d, bent=self.decentred))
+            columns[:, 7:] = -_products(inner, p.radial.shape_jacobian(d, bent=self._bent))
         columns[:, 3:5], columns[:, 5:7] = np.eye(2)[:, :, None], -by_ray
         return by_ray.transpose(2, 0, 1), columns[:, self._free].transpose(2, 0, 1)
 
