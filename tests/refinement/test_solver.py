@@ -12,11 +12,11 @@ from pinholify.refinement.evidence import (
     Hyperparameters,
     _information,
     _scored,
-    linearised,
     maximise_evidence,
     nested_noise,
     posterior,
     process_averaged,
+    reduced_problem,
 )
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.normal import eliminate
@@ -153,9 +153,8 @@ def test_evidence_is_the_marginal_likelihood_of_a_dense_gaussian(scene: Scene, e
     state = truth(scene, model)
     at = model.predict(state, seen)
     linear = model.linearise(state, seen, at)
-    equations = eliminate(linear, at.residual, np.ones(len(seen.view)), seen)
     frequencies = model.basis.frequencies
-    problem = linearised(equations, seen.boards, state.globals, frequencies, model.trend_precision())
+    problem = reduced_problem(model, state, seen, at)[0]
     jacobian, wide = dense_jacobian(linear, seen), 300.0
 
     def difference(hyper: Hyperparameters) -> float:
@@ -182,9 +181,8 @@ def test_evidence_of_a_process_switched_off_around_one_that_was_on(scene: Scene)
     density, _ = density_named("se")
     state = disturbed(model, truth(scene, model))
     at = model.predict(state, seen)
-    equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
     frequencies, prior = model.basis.frequencies, model.trend_precision()
-    problem = linearised(equations, seen.boards, state.globals, frequencies, prior)
+    problem = reduced_problem(model, state, seen, at)[0]
     off = Hyperparameters(np.log([1e-9, 1.0]), 1e-4).precision(density, frequencies, prior)
     expected = posterior(problem.without_process(), prior, 1e-4).log_evidence
     assert np.abs(state.weights).min() > 0
@@ -196,8 +194,7 @@ def test_gradient_of_the_evidence(scene: Scene) -> None:
     density, _ = density_named("se")
     state = truth(scene, model)
     at = model.predict(state, seen)
-    equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
-    problem = linearised(equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision())
+    problem = reduced_problem(model, state, seen, at)[0]
 
     p = np.log([1e-3, 0.8, 2e-4])
     gradient = _scored(problem, density, p, 0.1).gradient
@@ -231,10 +228,7 @@ def test_removed_unknowns_are_as_if_they_had_never_been(scene: Scene) -> None:
     for model in (big, small):
         state = truth(scene, model)
         at = model.predict(state, seen)
-        equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
-        problems.append(
-            linearised(equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision())
-        )
+        problems.append(reduced_problem(model, state, seen, at)[0])
     removed = np.zeros(len(problems[0].theta), dtype=bool)
     first = 2 * len(big.basis)
     removed[first : first + len(big.trend.prior_std)] = ~big.trend.kept(small.trend)
@@ -255,8 +249,7 @@ def test_hyperparameters_and_noise_are_found_again() -> None:
     std = np.exp(0.5 * density(true.kernel, model.basis.frequencies)[0])
     g = model.basis.values(at.undisplaced) @ (std[:, None] * rng.normal(size=(len(std), 2)))
     residual = g + true.noise * rng.normal(size=g.shape)
-    equations = eliminate(model.linearise(state, seen, at), residual, np.ones(len(seen.view)), seen)
-    problem = linearised(equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision())
+    problem = reduced_problem(model, state, seen, replace(at, residual=residual))[0]
     start = Hyperparameters(np.log([1e-4, 0.7]), 1e-3)
     found = maximise_evidence(problem, density, start, shortest=0.0, resolved=0.3).hyperparameters
     assert found.noise == pytest.approx(true.noise, rel=0.05)
@@ -267,10 +260,7 @@ def test_noise_alone_is_the_fixed_point_of_its_evidence(scene: Scene) -> None:
     model, seen = small_model(), flattened(scene)
     state = truth(scene, model)
     at = model.predict(state, seen)
-    equations = eliminate(model.linearise(state, seen, at), at.residual, np.ones(len(seen.view)), seen)
-    problem = linearised(
-        equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision()
-    ).without_process()
+    problem = reduced_problem(model, state, seen, at)[0].without_process()
     kept = np.ones((2, len(problem.theta)), dtype=bool)
     kept[1, -2:] = False  # without the board's print
     found = nested_noise(problem, kept, 1e-2)
@@ -371,8 +361,7 @@ def test_averaging_the_process_leaves_the_evidence(scene: Scene) -> None:
     seen, (density, _) = flattened(scene), density_named("se")
     state = disturbed(model, truth(scene, model))
     at = model.predict(state, seen)
-    equations = eliminate(model.linearise(state, seen, at), at.residual, seen.weight**2, seen)
-    problem = linearised(equations, seen.boards, state.globals, model.basis.frequencies, model.trend_precision())
+    problem = reduced_problem(model, state, seen, at)[0]
     hyper = Hyperparameters(np.log([0.01, 0.4]), 3e-4)
     precision = hyper.precision(density, problem.frequencies, problem.precision)
     whole = posterior(problem, precision, hyper.noise)

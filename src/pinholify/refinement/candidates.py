@@ -18,16 +18,15 @@ from pinholify.refinement.basis import SineBasis, no_basis, sine_basis
 from pinholify.refinement.evidence import (
     Fit,
     Hyperparameters,
-    Linearised,
-    linearised,
+    ReducedProblem,
     maximise_evidence,
     nested,
     nested_noise,
     posterior,
     process_averaged,
+    reduced_problem,
 )
 from pinholify.refinement.model import Model, State
-from pinholify.refinement.normal import eliminate
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.shape import BoardShape
 from pinholify.refinement.solver import Loss, Solution, minimise
@@ -92,7 +91,7 @@ class Candidate:
     trend: Trend
     hyperparameters: Hyperparameters
     log_evidence: float
-    problem: Linearised
+    problem: ReducedProblem
     origin: Solution
     ends_in_image: bool
 
@@ -154,14 +153,11 @@ def solve_thinned(setting: Setting, trend: Trend, known: Solution, seen: Observa
     return minimise(near.model, near.state, seen, near.model.trend_precision(), Loss(), most_steps=1)
 
 
-def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen: Observations) -> Linearised:
+def linearise_with(setting: Setting, solution: Solution, basis: SineBasis, seen: Observations) -> ReducedProblem:
     """The linearised problem around a solution without process, with the functions of ``basis`` at weight zero."""
-    state, trend = solution.state, solution.model.trend
-    widened = setting.model(trend, basis)
-    state = replace(state, weights=np.zeros((len(basis), 2)))
-    linear = widened.linearise(state, seen, solution.prediction)
-    equations = eliminate(linear, solution.prediction.residual, seen.weight**2, seen)
-    return linearised(equations, seen.boards, state.globals, basis.frequencies, widened.trend_precision())
+    widened = setting.model(solution.model.trend, basis)
+    state = replace(solution.state, weights=np.zeros((len(basis), 2)))
+    return reduced_problem(widened, state, seen, solution.prediction)[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,7 +187,7 @@ def solve(setting: Setting, search: Search, known: Solution, seen: Observations)
 def _without_process(
     setting: Setting,
     solution: Solution,
-    alone: Linearised,
+    alone: ReducedProblem,
     trends: Sequence[Trend],
     noise: float,
     doubt: float = 0.0,
@@ -233,7 +229,7 @@ def _generality(trend: Trend) -> tuple[int, int, int]:
     return trend.order, free, free - len(trend.prior_std)
 
 
-def _removed(general: Trend, trends: Sequence[Trend], problem: Linearised) -> Bools:
+def _removed(general: Trend, trends: Sequence[Trend], problem: ReducedProblem) -> Bools:
     """Mask (n, D) of the globals (D,) of the ``general`` trend that each of the n smaller ``trends`` lacks."""
     removed = np.zeros((len(trends), len(problem.theta)), dtype=bool)
     first = 2 * len(problem.frequencies)
@@ -243,7 +239,7 @@ def _removed(general: Trend, trends: Sequence[Trend], problem: Linearised) -> Bo
 
 
 def _candidate(
-    setting: Setting, trend: Trend, theta: Floats, solution: Solution, problem: Linearised, fit: Fit
+    setting: Setting, trend: Trend, theta: Floats, solution: Solution, problem: ReducedProblem, fit: Fit
 ) -> Candidate | None:
     """``trend`` as a candidate, with its β at the head of ``theta``; None where it folds among the corners."""
     beta = theta[: len(trend.prior_std)]
@@ -307,7 +303,7 @@ def _with_process(
 def _best_at(
     setting: Setting,
     solution: Solution,
-    whole: Linearised,
+    whole: ReducedProblem,
     trends: Sequence[Trend],
     start: Hyperparameters,
     needed: float = -np.inf,
@@ -329,7 +325,7 @@ def _best_at(
     return None
 
 
-def _fitted(setting: Setting, problem: Linearised, start: Hyperparameters, needed: float = -np.inf) -> Fit:
+def _fitted(setting: Setting, problem: ReducedProblem, start: Hyperparameters, needed: float = -np.inf) -> Fit:
     """The hyperparameters of ``problem`` by a few steps from ``start``."""
     return maximise_evidence(
         problem,

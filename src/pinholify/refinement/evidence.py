@@ -21,7 +21,9 @@ from scipy.linalg.lapack import dpotri
 from pinholify.arrays import Bools, Floats
 from pinholify.geometry import POSE_DOF
 from pinholify.gp.regression import LOG_2PI
-from pinholify.refinement.normal import NormalEquations
+from pinholify.refinement.model import Model, Prediction, State
+from pinholify.refinement.normal import NormalEquations, eliminate
+from pinholify.refinement.observations import Observations
 from pinholify.refinement.spectral import LogDensity
 
 STD_RANGE = (1e-7, 0.1)  # of the process, in normalised image units; larger displacements are for the trend
@@ -36,7 +38,7 @@ RIDGE = 1e-6  # relative, on the information, for hyperparameters that the evide
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linearised:
+class ReducedProblem:
     """The problem linearised around ``theta`` (D,), with the poses eliminated, at unit noise.
 
     ``matrix`` S (D, D), ``right`` s (D,), ``misfit`` ‖r‖², ``log_det_poses`` and ``rows`` are those of
@@ -54,12 +56,12 @@ class Linearised:
     frequencies: Floats
     precision: Floats
 
-    def without(self, removed: Bools) -> Linearised:
+    def without(self, removed: Bools) -> ReducedProblem:
         """The same problem with the unknowns where ``removed`` (D,) is True fixed at zero; weights only in pairs."""
         keep, gone = ~removed, -self.theta[removed]
         m = len(self.frequencies)
         columns = self.matrix[:, removed] @ gone
-        return Linearised(
+        return ReducedProblem(
             self.matrix[np.ix_(keep, keep)],
             self.right[keep] - columns[keep],
             self.misfit - float(2.0 * self.right[removed] @ gone - gone @ columns[removed]),
@@ -71,29 +73,31 @@ class Linearised:
             self.precision[keep[2 * m :]],
         )
 
-    def without_process(self) -> Linearised:
+    def without_process(self) -> ReducedProblem:
         """The same problem with the process switched off."""
         return self.without(np.arange(len(self.theta)) < 2 * len(self.frequencies))
 
 
-def linearised(
-    equations: NormalEquations, boards: int, theta: Floats, frequencies: Floats, precision: Floats
-) -> Linearised:
-    """The problem of the undamped ``equations`` around ``theta`` (D,); ``precision`` is that of all but weights."""
-    return Linearised(
+def reduced_problem(
+    model: Model, state: State, seen: Observations, at: Prediction
+) -> tuple[ReducedProblem, NormalEquations]:
+    """The problem linearised around ``state``, which predicts ``at``, and the equations, which give the pose steps."""
+    equations = eliminate(model.linearise(state, seen, at), at.residual, seen.weight**2, seen)
+    problem = ReducedProblem(
         equations.matrix,
         equations.right,
         equations.misfit,
         equations.log_det_poses,
         equations.rows,
-        boards,
-        theta,
-        frequencies,
-        precision,
+        seen.boards,
+        state.globals,
+        model.basis.frequencies,
+        model.trend_precision(),
     )
+    return problem, equations
 
 
-def process_averaged(at: Linearised, density: LogDensity, hyperparameters: Hyperparameters) -> Linearised:
+def process_averaged(at: ReducedProblem, density: LogDensity, hyperparameters: Hyperparameters) -> ReducedProblem:
     """``at`` with the process's weights integrated out: it has the same evidence, at the ``hyperparameters`` given."""
     m, noise = 2 * len(at.frequencies), hyperparameters.noise
     precision = hyperparameters.precision(density, at.frequencies, at.precision)[:m]
@@ -106,7 +110,7 @@ def process_averaged(at: Linearised, density: LogDensity, hyperparameters: Hyper
     misfit = at.misfit + float((at.right[:m] + right[:m]) @ weights)
     sides = solve_triangular(cholesky, root[:, None] * np.column_stack([at.matrix[:m, m:], right[:m]]), lower=True)
     cross, pull = sides[:, :-1], sides[:, -1]
-    return Linearised(
+    return ReducedProblem(
         at.matrix[m:, m:] - cross.T @ cross,
         right[m:] - cross.T @ pull,
         misfit - float(pull @ pull),
@@ -137,7 +141,7 @@ class Posterior:
         return np.asarray(dpotri(self.cholesky.T, lower=0)[0].T)  # transposed, it is copied without reordering
 
 
-def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
+def posterior(at: ReducedProblem, precision: Floats, noise: float) -> Posterior:
     """The Gaussian posterior for prior ``precision`` (D,) and ``noise`` per axis, normalised.
 
     Raises numpy.linalg.LinAlgError where the posterior precision is not positive definite in double precision.
@@ -156,7 +160,7 @@ def posterior(at: Linearised, precision: Floats, noise: float) -> Posterior:
     return Posterior(-0.5 * (quadratic + log_det + float(_of_noise(at, noise))), delta, misfit, cholesky)
 
 
-def _of_noise(at: Linearised, noise: float | Floats) -> float | Floats:
+def _of_noise(at: ReducedProblem, noise: float | Floats) -> float | Floats:
     """−2 times the terms of the evidence by the poses' determinants and the number of residuals, elementwise."""
     log_noise = 2.0 * np.log(noise)
     return at.log_det_poses - POSE_DOF * at.boards * log_noise + at.rows * (LOG_2PI + log_noise)
@@ -177,7 +181,7 @@ class Nested:
     determined: Floats
 
 
-def nested(at: Linearised, kept: Bools, noise: Floats) -> Nested:
+def nested(at: ReducedProblem, kept: Bools, noise: Floats) -> Nested:
     """The posteriors of n models whose free unknowns are ``kept`` (n, D) and the others zero, for ``noise`` (n,).
 
     ``at`` has no process. One call for many small models costs as much as a few calls of :func:`posterior`.
@@ -198,7 +202,7 @@ def nested(at: Linearised, kept: Bools, noise: Floats) -> Nested:
     return Nested(noise, log_evidence, theta, misfit, (1.0 - (inverse**2).sum(axis=1)).sum(axis=1))
 
 
-def nested_noise(at: Linearised, kept: Bools, noise: float) -> Nested:
+def nested_noise(at: ReducedProblem, kept: Bools, noise: float) -> Nested:
     """:func:`nested` with the noise of highest evidence of each model, by fixed-point iteration from ``noise``."""
     found = nested(at, kept, np.full(len(kept), noise))
     for _ in range(NOISE_ROUNDS):
@@ -238,7 +242,7 @@ class Fit:
 
 
 def maximise_evidence(
-    at: Linearised,
+    at: ReducedProblem,
     density: LogDensity,
     start: Hyperparameters,
     *,
@@ -314,7 +318,7 @@ class _Scored:
         return step, float(self.gradient @ step - 0.5 * step @ self.information @ step)
 
 
-def _scored(at: Linearised, density: LogDensity, parameters: Floats, shortest: float) -> _Scored:
+def _scored(at: ReducedProblem, density: LogDensity, parameters: Floats, shortest: float) -> _Scored:
     """The log evidence and its derivatives at ``parameters`` (p,), in closed form."""
     trial, m = _hyperparameters(parameters), 2 * len(at.frequencies)
     precision = trial.precision(density, at.frequencies, at.precision)

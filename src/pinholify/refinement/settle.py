@@ -14,10 +14,10 @@ from pinholify.arrays import Floats
 from pinholify.errors import CalibrationError
 from pinholify.refinement.basis import MAX_FREQUENCY, SineBasis, no_basis, sine_basis
 from pinholify.refinement.candidates import EXTENSION_COST, SCREENING_LENGTH_SCALE, Candidate, Setting, solve_trend
-from pinholify.refinement.evidence import Hyperparameters, Linearised, linearised, maximise_evidence, posterior
+from pinholify.refinement.evidence import Hyperparameters, ReducedProblem, maximise_evidence, posterior, reduced_problem
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.motion import motion_of
-from pinholify.refinement.normal import NormalEquations, eliminate
+from pinholify.refinement.normal import NormalEquations
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.shape import WARP, BoardShape
 from pinholify.refinement.solver import Loss, Solution, measured, minimise
@@ -49,7 +49,7 @@ class Settled:
     model: Model
     solution: Solution
     equations: NormalEquations
-    problem: Linearised
+    problem: ReducedProblem
     hyperparameters: Hyperparameters
     log_evidence: float
     precision: Floats
@@ -154,13 +154,12 @@ def _solve(
     model: Model, density: LogDensity, state: State, seen: Observations, hyperparameters: Hyperparameters
 ) -> Settled:
     """The solve of all unknowns at fixed hyperparameters, by Newton steps; by damped ones where these do not help."""
-    prior, frequencies, noise = model.trend_precision(), model.basis.frequencies, hyperparameters.noise
-    precision, loss = hyperparameters.precision(density, frequencies, prior), Loss(noise)
+    noise = hyperparameters.noise
+    precision = hyperparameters.precision(density, model.basis.frequencies, model.trend_precision())
+    loss = Loss(noise)
     here, damped = _found(measured(model, state, seen, precision, loss), model), False
     for _ in range(MAX_STEPS):
-        linear = model.linearise(here.state, seen, here.prediction)
-        equations = eliminate(linear, here.prediction.residual, seen.weight**2, seen)
-        problem = linearised(equations, seen.boards, here.state.globals, frequencies, prior)
+        problem, equations = reduced_problem(model, here.state, seen, here.prediction)
         step = posterior(problem, precision, noise).delta
         promised = 0.5 * float(equations.right @ step + (equations.pose_right**2).sum()) / noise**2
         promised -= 0.5 * float(precision * problem.theta @ step)

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
-from pinholify.refinement.evidence import Hyperparameters, Linearised, linearised, posterior, process_averaged
-from pinholify.refinement.normal import eliminate
+from pinholify.refinement.evidence import Hyperparameters, ReducedProblem, posterior, process_averaged, reduced_problem
 from pinholify.refinement.observations import MANY_BOARDS, Observations
 from pinholify.refinement.shape import WARP, BoardShape
 from pinholify.refinement.sharing import SharedError, shared_error
@@ -50,10 +49,7 @@ def warp_of(
         return None
     widened = replace(model, shape=warped)
     state = replace(state, eta=warped.carried(state.eta, model.shape))
-    linear = widened.linearise(state, seen, solution.prediction)
-    equations = eliminate(linear, solution.prediction.residual, seen.weight**2, seen)
-    precision = widened.trend_precision()
-    problem = linearised(equations, seen.boards, state.globals, model.basis.frequencies, precision)
+    problem = reduced_problem(widened, state, seen, solution.prediction)[0]
     warp = refitted(warped, problem, density, hyperparameters)
     return warp.shape if warp.gain > MIN_GAIN else None
 
@@ -73,7 +69,7 @@ def warp_rms(solution: Solution, seen: Observations) -> float:
     return float(np.sqrt((moved**2).mean()))
 
 
-def refitted(shape: BoardShape, problem: Linearised, density: LogDensity, hyperparameters: Hyperparameters) -> Warp:
+def refitted(shape: BoardShape, problem: ReducedProblem, density: LogDensity, hyperparameters: Hyperparameters) -> Warp:
     """The warped ``shape`` with the warp's standard deviations of highest evidence.
 
     The parameters of ``shape`` are the last unknowns of ``problem``.
