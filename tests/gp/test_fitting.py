@@ -126,3 +126,23 @@ def test_a_wide_lens_on_few_corners_is_fitted_though_the_constant_mean_is_not():
     found = fit_map(uv + np.random.default_rng(0).normal(0.0, 0.1, uv.shape), xy)
     assert "constant" not in dict(found.candidates)
     assert found.noise < 0.3
+
+
+LINE = np.outer(np.arange(12.0), [1.0, 0.5])
+HOPELESS = {
+    "no point": (LATTICE[:0], LATTICE[:0]),
+    "one point": (LATTICE[:1], LATTICE[:1]),
+    "three points": (np.array([[0.0, 0], [90, 0], [0, 90]]), np.array([[0.0, 0], [1, 0], [0, 1]])),
+    "a line in the image": (100.0 * LINE, LATTICE[[*range(6), *range(15, 21)]]),
+    "a line on the board": (100.0 * LATTICE[[*range(6), *range(15, 21)]], LINE),
+    "a line on both": (100.0 * LINE, LINE),
+    "one place": (np.ones((12, 2)), np.ones((12, 2))),
+    "nan": (np.full((12, 2), np.nan), LATTICE[[*range(6), *range(15, 21)]]),
+}
+
+
+@pytest.mark.parametrize("trend", ["auto", "constant", "homography", "lens:1"])
+@pytest.mark.parametrize("name", HOPELESS)
+def test_points_that_determine_no_map_are_refused_in_a_sentence(name, trend):
+    with pytest.raises(CalibrationError, match="do not determine a map, which needs 4 or more"):
+        fit_map(*HOPELESS[name], trend=trend)

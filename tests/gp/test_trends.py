@@ -61,7 +61,10 @@ def test_a_name_leads_back_to_the_trend(trend):
     assert trends_named(trend.name) == [trend]
 
 
-@pytest.mark.parametrize("name", ["", "lense", "lens:0", "lens:x", "lens:10", "constant", "homography:2:3"])
+WRONG = ["", "lense", "lens:0", "lens:x", "lens:10", "lens:²", "constant", "homography:2:3", "homography:3"]
+
+
+@pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_name_is_refused_with_the_right_ones(name):
     with pytest.raises(InputError, match="lens"):
         trends_named(name)

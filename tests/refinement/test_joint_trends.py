@@ -150,7 +150,7 @@ def test_levelling_rotation_takes_out_turn_and_roll() -> None:
     np.testing.assert_allclose(levelling_rotation(w, rays) @ turn, np.eye(3), atol=1e-4)
 
 
-@pytest.mark.parametrize("name", ["round", "plane:x", "plane:99"])
+@pytest.mark.parametrize("name", ["round", "plane:x", "plane:99", "plane:²", "polynomial:0"])
 def test_unknown_trend_is_named_with_those_there_are(name: str) -> None:
     with pytest.raises(InputError, match="plane, angle"):
         searches_named(name)

@@ -22,6 +22,8 @@ from pinholify.gp.regression import Data, GaussianProcess, LinearPart, data
 from pinholify.gp.trends import Trend, trends_named
 from pinholify.gp.trends.base import inverse
 
+FEWEST_POINTS = 4
+LINE_TOLERANCE = 1e-9  # width of points that lie on a line, relative to their length
 MAX_ROUNDS = 12
 RELATIVE_TOLERANCE = 1e-3  # a step of the trend that moves no point farther than this part of the noise is the last
 SHORTEST_LENGTH_SCALE = 4.0  # of the prior, in typical distances between neighbouring points
@@ -54,8 +56,13 @@ def fit_map(
 
     ``kernel`` and ``trend`` are names of the registries; ``trend`` may also be ``constant`` (the paper's) or ``auto``.
     ``relative_noise`` (n,) scales the noise of each point. Raises InputError for unknown names and CalibrationError
-    where nothing fits.
+    where nothing fits, or where the points do not span a plane.
     """
+    if len(uv) < FEWEST_POINTS or not (_span_a_plane(uv) and _span_a_plane(xy)):
+        raise CalibrationError(
+            f"the {len(uv)} points given do not determine a map, which needs {FEWEST_POINTS} or more, all finite and "
+            "not on one line: give more of the board"
+        )
     scale = np.ones(len(uv)) if relative_noise is None else relative_noise
     build = kernel_named(kernel)
     fits = []
@@ -71,6 +78,14 @@ def fit_map(
     best = max(fits, key=lambda fit: fit.log_evidence)
     tried = tuple((fit.trend, fit.log_evidence) for fit in fits)
     return FittedMap(best.map, best.kernel, best.trend, best.noise, best.log_evidence, tried)
+
+
+def _span_a_plane(points: Floats) -> bool:
+    """Whether ``points`` (n, 2) are finite and not all on one line."""
+    if not np.isfinite(points).all():
+        return False
+    long, wide = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(wide > LINE_TOLERANCE * long)
 
 
 # --- the paper's: constant mean, two independent GPs ------------------------------------------------------------

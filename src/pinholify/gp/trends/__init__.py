@@ -10,8 +10,11 @@ from pinholify.gp.trends.homography import Homography
 from pinholify.gp.trends.lens import Lens
 from pinholify.gp.trends.polynomial import Polynomial
 
+NO_ORDERS = (0,)
+NUMERALS = tuple("123456789")
+
 TRENDS: dict[str, tuple[Callable[[int], Trend], tuple[int, ...]]] = {
-    "homography": (lambda _: Homography(), (0,)),
+    "homography": (lambda _: Homography(), NO_ORDERS),
     "lens": (Lens, (1, 2, 3, 4, 5, 6)),
     "polynomial": (Polynomial, (3, 5)),
 }
@@ -26,12 +29,12 @@ def trends_named(name: str) -> list[Trend]:
     if name == "auto":
         return [build(order) for build, orders in TRENDS.values() for order in orders]
     family, colon, order = name.partition(":")
-    if family not in TRENDS or (colon and not (order.isdigit() and 1 <= int(order) <= 9)):
+    build, orders = TRENDS.get(family, (None, ()))
+    if build is None or (colon and (orders == NO_ORDERS or order not in NUMERALS)):
         raise InputError(
             f"unknown trend '{name}': choose one of auto, constant, {', '.join(TRENDS)}; "
             "an order from 1 to 9 may follow lens or polynomial, as in lens:3"
         )
-    build, orders = TRENDS[family]
     return [build(n) for n in ([int(order)] if colon else orders)]
 
 

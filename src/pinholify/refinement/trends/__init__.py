@@ -26,6 +26,9 @@ LAST_RESORT = ("polynomial",)
 """Families that are tried only where no trend of the others suffices without the process."""
 
 
+NUMERALS = tuple("0123456789")
+
+
 def searches_named(name: str) -> list[list[Search]]:
     """The searches for ``name`` in stages: all families for ``auto``, one for ``plane``, one order for ``plane:3``.
 
@@ -35,10 +38,11 @@ def searches_named(name: str) -> list[list[Search]]:
         first = [search for family, build in FAMILIES.items() if family not in LAST_RESORT for search in build(None)]
         return [first, [search for family in LAST_RESORT for search in FAMILIES[family](None)]]
     family, colon, order = name.partition(":")
-    if family not in FAMILIES or (colon and not (order.isdigit() and int(order) <= 9)):
+    numerals = NUMERALS[1:] if family in LAST_RESORT else NUMERALS
+    if family not in FAMILIES or (colon and order not in numerals):
         raise InputError(
             f"the joint refinement has no trend '{name}': choose one of auto, {', '.join(FAMILIES)}; "
-            "an order up to 9 may follow, as in plane:3"
+            "an order from 0 to 9 may follow, for polynomial from 1, as in plane:3"
         )
     return [FAMILIES[family](int(order) if colon else None)]
 
