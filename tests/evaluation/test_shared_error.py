@@ -64,7 +64,7 @@ def test_what_the_board_has_is_shared(shifts, unwarped):
     assert shared.p_value < 1e-6
     exact = photographed(0.0 * POINTS, noise=0.0), photographed(shifts, noise=0.0)
     moved = np.concatenate([b.uv - a.uv for a, b in zip(*(each.views for each in exact), strict=True)])
-    assert 0.02 < shared.rms_px < 1.2 * np.sqrt((moved**2).sum(axis=1).mean())  # poses take up some of it
+    assert 0.02 < shared.rms < 1.2 * np.sqrt((moved**2).sum(axis=1).mean())  # poses take up some of it
 
 
 def test_what_each_board_has_of_its_own_is_not_shared():
@@ -76,7 +76,7 @@ def test_one_board_shares_nothing(unwarped):
     evaluation = scored(photographed(0.02 * S_BEND))
     for boards in ([], list(evaluation.observed.values())[:1]):
         shared = shared_error_of(evaluation.calibration.camera, boards)
-        assert (shared.rms_px, shared.p_value) == (0.0, 1.0)
+        assert (shared.rms, shared.p_value) == (0.0, 1.0)
 
 
 def test_the_verdict_asks_after_the_board_and_is_not_taken_in_by_noise_that_is_none(unwarped):

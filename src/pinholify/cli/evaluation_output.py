@@ -70,7 +70,7 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
         "residual_correlation": verdict.structure.correlation,
         "residual_structure_p_value": verdict.structure.p_value,
         "wrong_corners_structure_p_value": verdict.left_out.p_value,
-        "board_error_px": verdict.shared.rms_px,
+        "board_error_px": verdict.shared.rms,
         "board_error_p_value": verdict.shared.p_value,
         "suspicious_boards": {s.name: s.ratio for s in verdict.suspicious},
         "next_board_px": None if verdict.next_board is None else verdict.next_board.outline.tolist(),

@@ -14,7 +14,7 @@ from pinholify.refinement.sharing import SharedError, shared_error
 
 
 def shared_error_of(camera: VirtualCamera, observed: Iterable[ObservedBoard]) -> SharedError:
-    """The part of the residuals of boards ``observed`` by ``camera`` that common shifts of the corners explain."""
+    """The part of the residuals of boards ``observed`` by ``camera`` that common shifts of the corners explain, px."""
     boards = list(observed)
     if not boards:
         return SharedError(0.0, 1.0)

@@ -253,9 +253,9 @@ def _remarks(evaluation: Evaluation, structure: Structure, shared: SharedError) 
         remarks.append(_left_out(evaluation))
     if structure.p_value < STRUCTURED:
         remarks.append(f"residuals are spatially correlated (p = {structure.p_value:.1g})")
-    if shared.p_value < STRUCTURED and shared.rms_px > FINEST_PX:
+    if shared.p_value < STRUCTURED and shared.rms > FINEST_PX:
         remarks.append(
-            f"each corner of the board has the same error on every photograph, {shared.rms_px:.2g} px "
+            f"each corner of the board has the same error on every photograph, {shared.rms:.2g} px "
             f"(p = {shared.p_value:.1g}): check that the board is flat and accurately printed"
         )
     whose, moved = _of_its_own(evaluation), evaluation.calibration.findings.motion_px

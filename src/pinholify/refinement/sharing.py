@@ -18,11 +18,11 @@ from pinholify.arrays import Floats, Ints
 class SharedError:
     """The part of the residuals that shifts of the board's corners, shared by all views, explain.
 
-    ``rms_px`` is its RMS per corner of weight one, in the units of the residuals; ``p_value`` is the probability of as
+    ``rms`` is its RMS per corner of weight one, in the units of the residuals; ``p_value`` is the probability of as
     much or more where nothing is shared.
     """
 
-    rms_px: float
+    rms: float
     p_value: float
 
 

@@ -126,7 +126,7 @@ def residual_field(calibration: Calibration, verdict: Verdict, seen: CornerResid
         calibration.camera.noise_px,
         verdict.structure.correlation,
         verdict.structure.p_value,
-        verdict.shared.rms_px,
+        verdict.shared.rms,
         verdict.shared.p_value,
     )
 
