@@ -126,7 +126,7 @@ class JointMap:
         chart = self.trend.chart
         with np.errstate(invalid="ignore"):
             c = chart.coordinates(angles_to_directions(q))
-            near = self.frame.normalise(nearby(q)[0]) if self.trend.searches else c
+            near = self.frame.normalise(nearby(q)[0]) if self.trend.inverse_is_iterative else c
             w = self.trend.image(self.beta, c, near)
         return self.frame.restore(w + self.basis.combined(self.weights, w))
 

@@ -129,7 +129,7 @@ class Trend(Protocol):
         ...
 
     @property
-    def searches(self) -> bool:
+    def inverse_is_iterative(self) -> bool:
         """Whether :meth:`image` is iterative and needs points ``near`` its result."""
         ...
 

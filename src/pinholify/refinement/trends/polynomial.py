@@ -70,7 +70,7 @@ class PolynomialTrend:
         return True
 
     @property
-    def searches(self) -> bool:
+    def inverse_is_iterative(self) -> bool:
         """True: :meth:`image` is by Newton's method."""
         return True
 

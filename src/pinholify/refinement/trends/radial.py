@@ -308,7 +308,7 @@ class LensTrend:
         return False
 
     @property
-    def searches(self) -> bool:
+    def inverse_is_iterative(self) -> bool:
         """False: the inverse is the branch around the centre."""
         return False
 
