@@ -14,6 +14,7 @@ from pinholify.geometry import (
     homography_jacobian,
     homography_parameter_jacobian,
     homography_response,
+    image_grid,
     inverse_2x2,
     line_distances,
     nearest_rotation,
@@ -133,3 +134,9 @@ def test_two_by_two_systems_are_solved():
     )
     np.testing.assert_allclose(inverse_2x2(matrices), np.linalg.inv(matrices), rtol=1e-8)
     assert np.isnan(solve_2x2(np.zeros((1, 2, 2)), np.zeros((1, 2)))).all()
+
+
+def test_a_grid_of_an_image_ends_at_the_outermost_pixels_or_the_edges():
+    np.testing.assert_array_equal(image_grid((5, 3), 2), [[0, 0], [4, 0], [0, 2], [4, 2]])
+    np.testing.assert_array_equal(image_grid((5, 3), 2, to_edges=True)[[0, -1]], [[-0.5, -0.5], [4.5, 2.5]])
+    np.testing.assert_array_equal(image_grid((5, 3), 3)[1], [2, 0])

@@ -12,7 +12,7 @@ import numpy as np
 from pinholify.arrays import Bools, Floats
 from pinholify.charts import Chart, Intrinsics
 from pinholify.errors import InputError
-from pinholify.geometry import FARTHEST, ConvexRegion, inverse_2x2
+from pinholify.geometry import FARTHEST, ConvexRegion, image_grid, inverse_2x2
 
 if TYPE_CHECKING:  # SciPy takes longer to load than all the rest of mapping pixels to rays
     from scipy.spatial import cKDTree
@@ -222,12 +222,11 @@ def _start_grid(camera: VirtualCamera) -> tuple[Floats, cKDTree, float]:
     """
     from scipy.spatial import cKDTree
 
-    (width, height), hull = camera.image_size, camera.domain.hull
-    u, v = np.linspace(0, width - 1, START_GRID), np.linspace(0, height - 1, START_GRID)
-    grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    grid = np.concatenate([grid, hull.vertices, hull.vertices.mean(axis=0, keepdims=True)])
+    hull = camera.domain.hull
+    regular = image_grid(camera.image_size, START_GRID)
+    grid = np.concatenate([regular, hull.vertices, hull.vertices.mean(axis=0, keepdims=True)])
     with np.errstate(invalid="ignore"):  # a map may be nan in places
         handedness = np.sign(np.linalg.det(camera.plane_map.jacobian(grid)))
     keep = handedness == np.sign(handedness[hull.contains(grid)].sum())
     grid = grid[keep]
-    return grid, cKDTree(camera.plane_map.value(grid)), 2.0 * max(u[1], v[1])
+    return grid, cKDTree(camera.plane_map.value(grid)), 2.0 * float(regular[START_GRID + 1].max())

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from pinholify.arrays import Bools, Floats
+from pinholify.geometry import grid_points
 
 NODES = 24  # along each axis
 TAIL = 4  # highest orders from which the error of an expansion is estimated
@@ -47,15 +48,14 @@ class Region:
 
     def pixels(self) -> Floats:
         """All pixels (n, 2), row-major."""
-        x, y = np.arange(self.left, self.right), np.arange(self.top, self.bottom)
-        return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float64)
+        return grid_points(np.arange(float(self.left), self.right), np.arange(float(self.top), self.bottom))
 
     def nodes(self) -> Floats:
         """The Chebyshev nodes (NODES², 2), row-major, all of them inside the region."""
         t = nodes()
         x = (self.left + self.right - 1) / 2.0 + t * (self.right - 1 - self.left) / 2.0
         y = (self.top + self.bottom - 1) / 2.0 + t * (self.bottom - 1 - self.top) / 2.0
-        return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return grid_points(x, y)
 
     def of(self, planes: NDArray[Any]) -> NDArray[Any]:
         """The region (outputs, rows, columns) of ``planes`` (outputs, height, width)."""

@@ -1,4 +1,4 @@
-"""Plane and rotation geometry: homographies, hulls, lines, rotations, poses and 2×2 systems.
+"""Plane and rotation geometry: grids, homographies, hulls, lines, rotations, poses and 2×2 systems.
 
 Pure functions of float64 arrays.
 """
@@ -13,6 +13,24 @@ from pinholify.arrays import Bools, Floats, frozen
 
 FARTHEST = 1e150
 """Coordinates below this have a square."""
+
+# --- grids ------------------------------------------------------------------------------------------------------
+
+
+def grid_points(x: Floats, y: Floats) -> Floats:
+    """All points (k·m, 2) with a first coordinate of ``x`` (k,) and a second one of ``y`` (m,), row by row."""
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def image_grid(image_size: tuple[int, int], count: int, *, to_edges: bool = False) -> Floats:
+    """``count`` × ``count`` pixels (n, 2) all over an image of ``image_size`` (width, height), row by row.
+
+    The outermost are at the centres of its outermost pixels, or, ``to_edges``, half a px farther out.
+    """
+    margin = 0.5 if to_edges else 0.0
+    u, v = (np.linspace(0.0 - margin, extent - 1.0 + margin, count) for extent in image_size)
+    return grid_points(u, v)
+
 
 # --- homographies -----------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from pinholify.arrays import Floats
 from pinholify.camera import VirtualCamera
 from pinholify.expansion import PointMap
+from pinholify.geometry import image_grid
 from pinholify.tables import BLOCK, PointTable, point_table
 
 CACHED_CAMERAS = 8
@@ -127,5 +128,4 @@ def _box(camera: VirtualCamera) -> _Box:
 
 def _across_the_image(camera: VirtualCamera) -> Floats:
     """Unit directions (n, 3) of pixels all over the image."""
-    u, v = (np.linspace(-0.5, n - 0.5, SAMPLES) for n in camera.image_size)
-    return camera.chart.directions(camera.plane_map.value(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)))
+    return camera.chart.directions(camera.plane_map.value(image_grid(camera.image_size, SAMPLES, to_edges=True)))

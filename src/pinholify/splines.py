@@ -15,13 +15,13 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from pinholify.arrays import Bools, Floats, Ints, frozen
-from pinholify.geometry import ConvexRegion
+from pinholify.geometry import ConvexRegion, grid_points
 from pinholify.gp.maps import Nearby, newton_inverse, propagated
 
 SMOOTHING = 1e-9  # of the mean weight of a control point: only effective where there are no data
 
 WORST_PLACES, CLOSER_LOOKS = 200, 3  # points around which errors are evaluated more finely, and how often
-AROUND = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), axis=-1).reshape(-1, 2) / 4.0
+AROUND = grid_points(np.arange(-4.0, 5.0), np.arange(-4.0, 5.0)) / 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinholify.arrays import Bools, Floats, Ints
 from pinholify.expansion import NODES, PointMap, chebyshev, nodes, tail, to_coefficients
+from pinholify.geometry import grid_points
 
 HALVINGS = 6
 """How often the image is halved along both axes to give a tile."""
@@ -45,7 +46,7 @@ QUARTER = np.array([1.0, 1.0 / 4.0, 1.0 / 16.0]) @ MONOMIALS
 WORST_ERROR_RATIO = 16.0 / (9.0 * np.sqrt(3.0))
 """Largest error of a quadratic, at ½ − ½/√3, ÷ its error at ¼."""
 
-HALF_NODES = np.stack(np.meshgrid(nodes(), nodes()), axis=-1).reshape(-1, 2) / 2.0
+HALF_NODES = grid_points(nodes(), nodes()) / 2.0
 """Chebyshev nodes of a square of side 1 around the origin, row by row."""
 
 Complexes = NDArray[np.complex128]

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinholify.arrays import Bools, Floats, Ints
+from pinholify.geometry import grid_points
 from pinholify.refinement.basis import SineBasis, no_basis, sine_basis
 from pinholify.refinement.evidence import (
     Fit,
@@ -73,7 +74,7 @@ class Setting:
     def image(self) -> Floats:
         """Normalised points (n, 2) all over the image and slightly beyond."""
         u, v = (FOLD_MARGIN * half * np.linspace(-1.0, 1.0, IMAGE_GRID) for half in self.half_size)
-        return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+        return grid_points(u, v)
 
     def model(self, trend: Trend, basis: SineBasis | None = None) -> Model:
         """The joint model with ``trend``; without a process unless ``basis`` is given."""

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from pinholify.arrays import Bools, Floats
 from pinholify.camera import VirtualCamera
 from pinholify.errors import InputError
-from pinholify.geometry import cross_matrices, inverse_2x2, nearest_rotation, rotations_of
+from pinholify.geometry import cross_matrices, image_grid, inverse_2x2, nearest_rotation, rotations_of
 
 GRID = 40  # pixels along each side of the image
 
@@ -54,8 +54,7 @@ def compare(first: VirtualCamera, second: VirtualCamera) -> Comparison:
             f"the cameras are for images of {first.image_size[0]}x{first.image_size[1]} and {second.image_size[0]}x"
             f"{second.image_size[1]} px: compare cameras for images of the same size"
         )
-    u, v = (np.linspace(0.0, extent - 1.0, GRID) for extent in first.image_size)
-    uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    uv = image_grid(first.image_size, GRID)
     one, two = first.to_rays(uv), second.to_rays(uv)
     seen = np.isfinite(one.directions).all(axis=1) & np.isfinite(two.directions).all(axis=1)
     covered = seen & first.inside(uv) & second.inside(uv)

@@ -17,7 +17,7 @@ from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.board import Board, lattice, outline
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
-from pinholify.geometry import POSE_DOF, Pose, cross_matrices, inverse_2x2, rotations_of
+from pinholify.geometry import POSE_DOF, Pose, cross_matrices, grid_points, image_grid, inverse_2x2, rotations_of
 from pinholify.gp.maps import PlaneMap
 
 NEIGHBOURS = 8  # of each corner, in the test of structure
@@ -158,7 +158,7 @@ def next_board(
     measurement). Pixels where the map has no ray do not count, and no corner is placed there. None where the camera is
     not a joint one, or no board fits into the image.
     """
-    errors = _px_errors(camera.plane_map, _image_grid(camera.image_size, GRID_POINTS))
+    errors = _px_errors(camera.plane_map, image_grid(camera.image_size, GRID_POINTS))
     if not errors.shape[2]:
         return None
     spread = errors[np.isfinite(errors).all(axis=(1, 2))].reshape(-1, errors.shape[2])
@@ -180,11 +180,6 @@ def _tilt_deg(pose: Pose, board: Board) -> float:
     return float(np.degrees(np.arccos(np.clip(pose.rotation[:, 2] @ middle / np.linalg.norm(middle), -1.0, 1.0))))
 
 
-def _image_grid(image_size: tuple[int, int], count: int) -> Floats:
-    u, v = (np.linspace(0.0, extent - 1.0, count) for extent in image_size)
-    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-
-
 def _px_errors(plane_map: PlaneMap, uv: Floats) -> Floats:
     """A root (n, 2, r) of the covariance of the map at all ``uv`` (n, 2), as shifts of the pixels, in px."""
     return np.asarray(inverse_2x2(plane_map.jacobian(uv)) @ plane_map.covariance_root(uv))
@@ -203,7 +198,7 @@ def _placements(
     distances = [float(np.linalg.norm(pose.apply(middle[None])[0])) for pose in known.values()]
     extent = np.array(camera.image_size) - 1.0
     fractions = (np.arange(targets) + 0.5) / targets
-    aims = np.stack(np.meshgrid(fractions, fractions), axis=-1).reshape(-1, 2) * extent
+    aims = grid_points(fractions, fractions) * extent
     for direction in camera.to_rays(aims).directions:
         for distance in np.quantile(distances, [0.1, 0.5]):
             tilt = rotations_of(np.append(rng.uniform(-MAX_TILT_RAD, MAX_TILT_RAD, 2), 0.0)[None])[0]
