@@ -207,14 +207,6 @@ def cross_matrices(vectors: Floats) -> Floats:
     return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
 
 
-def rotations_of(vectors: Floats) -> Floats:
-    """Rotations (n, 3, 3) by rotation vectors (n, 3) in radians (Rodrigues); exact to second order around zero."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    cross = cross_matrices(vectors)
-    half = np.sinc(angle / (2.0 * np.pi))
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * (cross @ cross))
-
-
 def rotation_to_z(direction: Floats) -> Floats:
     """The shortest rotation (3, 3) that takes the unit ``direction`` (3,) to z; by a half turn about x where z < 0."""
     if direction[2] < 0.0:  # the shortest rotation is ill-conditioned near -z

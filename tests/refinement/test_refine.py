@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pinholify import pipeline
 from pinholify.arrays import Floats
@@ -11,7 +12,6 @@ from pinholify.board import Checkerboard, lattice
 from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
-from pinholify.geometry import rotations_of
 from pinholify.refinement import JointResult, refine
 from pinholify.simulation import lenses
 from pinholify.simulation.views import board_poses, true_corners
@@ -98,13 +98,11 @@ def test_features_of_the_covariance(name: str, results: dict[str, JointResult]) 
     rng, h = np.random.default_rng(0), 1e-6
 
     def moved(step: np.ndarray):
-        from pinholify.geometry import rotations_of
-
         return replace(
             plane_map,
             weights=plane_map.weights + step[:m].reshape(2, -1).T,
             beta=plane_map.beta + step[m : m + p],
-            rotation=rotations_of(step[None, -6:-3])[0] @ plane_map.rotation,
+            rotation=Rotation.from_rotvec(step[-6:-3]).as_matrix() @ plane_map.rotation,
             translation=plane_map.translation + step[-3:],
         )
 
@@ -297,7 +295,7 @@ def moved_px(scene: Scene, still: Scene) -> float:
         points = np.column_stack([lattice(BOARD), np.zeros(54)]) @ rotation.T
         steps = 1e-6 * np.eye(6)
         by_pose = [
-            (still.project(points @ rotations_of(s[None, :3])[0].T + translation + s[3:]) - other.uv).ravel() / 1e-6
+            (still.project(Rotation.from_rotvec(s[:3]).apply(points) + translation + s[3:]) - other.uv).ravel() / 1e-6
             for s in steps
         ]
         basis = np.linalg.qr(np.array(by_pose).T)[0]

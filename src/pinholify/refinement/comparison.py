@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from pinholify.arrays import Bools, Floats
 from pinholify.camera import VirtualCamera
 from pinholify.errors import InputError
-from pinholify.geometry import cross_matrices, image_grid, inverse_2x2, nearest_rotation, rotations_of
+from pinholify.geometry import cross_matrices, image_grid, inverse_2x2, nearest_rotation
 
 GRID = 40  # pixels along each side of the image
 
@@ -97,12 +98,12 @@ def _best_rotation(target: Floats, source: Floats, to_px: Floats) -> Floats:
     start = nearest_rotation(target.T @ source)
 
     def residual(vector: Floats) -> Floats:
-        turned = source @ (rotations_of(vector[None])[0] @ start).T
+        turned = source @ (Rotation.from_rotvec(vector).as_matrix() @ start).T
         return np.asarray(np.einsum("nij,nj->ni", to_px, turned - target).ravel())
 
     def jacobian(vector: Floats) -> Floats:
-        turned = source @ (rotations_of(vector[None])[0] @ start).T
+        turned = source @ (Rotation.from_rotvec(vector).as_matrix() @ start).T
         return np.asarray(-(to_px @ cross_matrices(turned)).reshape(-1, 3))
 
     best = least_squares(residual, np.zeros(3), jac=jacobian, method="lm").x
-    return np.asarray(rotations_of(best[None])[0] @ start)
+    return np.asarray(Rotation.from_rotvec(best).as_matrix() @ start)

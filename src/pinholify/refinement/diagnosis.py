@@ -11,13 +11,14 @@ from typing import Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 from scipy.special import gammaincc, ndtr  # scipy.stats would take longer to import than to use
 
 from pinholify.arrays import Bools, Floats, Ints, frozen
 from pinholify.board import Board, lattice, outline
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
-from pinholify.geometry import POSE_DOF, Pose, cross_matrices, grid_points, image_grid, inverse_2x2, rotations_of
+from pinholify.geometry import POSE_DOF, Pose, cross_matrices, grid_points, image_grid, inverse_2x2
 from pinholify.gp.maps import PlaneMap
 
 NEIGHBOURS = 8  # of each corner, in the test of structure
@@ -201,7 +202,7 @@ def _placements(
     aims = grid_points(fractions, fractions) * extent
     for direction in camera.to_rays(aims).directions:
         for distance in np.quantile(distances, [0.1, 0.5]):
-            tilt = rotations_of(np.append(rng.uniform(-MAX_TILT_RAD, MAX_TILT_RAD, 2), 0.0)[None])[0]
+            tilt = Rotation.from_rotvec(np.append(rng.uniform(-MAX_TILT_RAD, MAX_TILT_RAD, 2), 0.0)).as_matrix()
             yield Pose(tilt, distance * direction - tilt @ middle)
 
 

@@ -10,9 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pinholify.arrays import Bools, Floats
-from pinholify.geometry import POSE_DOF, rotations_of
+from pinholify.geometry import POSE_DOF
 from pinholify.refinement.basis import SineBasis
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.shape import BoardShape
@@ -56,7 +57,7 @@ class State:
             self.weights + step[:m].reshape(2, -1).T,
             self.beta + step[m : m + p],
             self.eta + step[m + p :],
-            rotations_of(pose_steps[:, :3]) @ self.rotations,
+            Rotation.from_rotvec(pose_steps[:, :3]).as_matrix() @ self.rotations,
             self.translations + pose_steps[:, 3:6],
             self.motions + pose_steps[:, 6:] if pose_steps.shape[1] > POSE_DOF else self.motions,
         )
