@@ -40,4 +40,4 @@ def quick_camera() -> VirtualCamera:
     uv = corner_set([pose]).views[0].uv
     fitted = fit_map(uv, lattice(BOARD), kernel="se", trend="lens:2")
     intrinsics = Intrinsics(*virtual_camera(pose))
-    return VirtualCamera(fitted.map, PlaneChart(intrinsics), intrinsics, Domain(convex_hull(uv)), SIZE, fitted.noise)
+    return VirtualCamera(fitted.map, PlaneChart(intrinsics), Domain(convex_hull(uv)), SIZE, fitted.noise)

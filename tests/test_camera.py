@@ -135,3 +135,12 @@ def test_every_point_has_a_pixel_or_nan(any_camera):
     assert np.isnan(seen.points[1:]).all()
     assert np.isnan(seen.covariance[1:]).all()
     assert np.isnan(any_camera.from_virtual(np.array([[np.nan, 0.0], [np.inf, 0.0]])).points).all()
+
+
+def test_another_k_moves_rays_and_virtual_points_alike(any_camera):
+    """K has one owner: the rays of a plane chart and the virtual points of every camera follow it together."""
+    k = any_camera.intrinsics
+    other = replace(any_camera, chart=replace(any_camera.chart, intrinsics=replace(k, f=2.0 * k.f)))
+    uv = pixels()[:10]
+    np.testing.assert_allclose(other.from_virtual(other.virtual_points(uv)).points, uv, atol=0.01)
+    np.testing.assert_allclose(other.intrinsics.project(other.to_rays(uv).directions), other.virtual_points(uv))

@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from pinholify.charts import AngleChart, Intrinsics, PlaneChart
 
-CHARTS = [PlaneChart(Intrinsics(4.0, 7.0, 4.0)), AngleChart(Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix())]
+K = Intrinsics(4.0, 7.0, 4.0)
+CHARTS = [PlaneChart(K), AngleChart(Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix(), K)]
 
 
 def coordinates():
@@ -35,13 +36,13 @@ def test_derivatives_are_those_of_central_differences(chart):
 
 def test_angles_go_beyond_a_right_angle_and_the_plane_does_not():
     behind = np.array([[1.0, 0.0, -0.5]])
-    angles = AngleChart(np.eye(3)).coordinates(behind)
+    angles = AngleChart(np.eye(3), K).coordinates(behind)
     assert angles[0, 0] == pytest.approx(np.pi / 2 + np.arctan(0.5))
     assert np.isnan(CHARTS[0].coordinates(behind)).all()
 
 
 def test_straight_behind_there_is_no_angle():
-    assert np.isnan(AngleChart(np.eye(3)).coordinates(np.array([[0.0, 0.0, -1.0]]))).all()
+    assert np.isnan(AngleChart(np.eye(3), K).coordinates(np.array([[0.0, 0.0, -1.0]]))).all()
 
 
 def test_rays_know_how_well_k_is_known():

@@ -48,7 +48,7 @@ def test_rays_are_those_of_the_same_place_on_the_sensor(mode, barrel_calibration
     np.testing.assert_array_equal(camera.inside(uv), full.inside(there))
     assert camera.image_size == size
     assert camera.noise_px * scale == pytest.approx(full.noise_px)
-    assert (camera.intrinsics, camera.chart) == (full.intrinsics, full.chart)
+    assert camera.chart is full.chart
 
 
 @pytest.mark.parametrize("name", MODES)

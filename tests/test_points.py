@@ -79,7 +79,7 @@ class AngleMap:
 @pytest.fixture(scope="module")
 def camera():
     intrinsics = Intrinsics(FOCAL, 0.0, 0.0)
-    return VirtualCamera(OpenCVMap(), PlaneChart(intrinsics), intrinsics, Domain(convex_hull(FRAME)), SIZE, 0.1)
+    return VirtualCamera(OpenCVMap(), PlaneChart(intrinsics), Domain(convex_hull(FRAME)), SIZE, 0.1)
 
 
 def pixels(count=300):
@@ -240,7 +240,7 @@ def test_points_all_around_a_wide_lens_give_a_pose():
     """Rays up to 105° from the axis, in a chart that reaches them."""
     rng, square, pose = np.random.default_rng(5), 300.0, Pose(Rotation.from_rotvec(RVEC).as_matrix(), 0.3 * TVEC)
     wide = VirtualCamera(
-        AngleMap(square), AngleChart(np.eye(3)), Intrinsics(1.0, 0.0, 0.0), Domain(convex_hull(FRAME)), SIZE, 0.1
+        AngleMap(square), AngleChart(np.eye(3), Intrinsics(1.0, 0.0, 0.0)), Domain(convex_hull(FRAME)), SIZE, 0.1
     )
     points = (wide.chart.directions(rng.uniform(-1.3, 1.3, (60, 2))) * 8.0 - pose.translation) @ pose.rotation
     _, rvec, tvec = solve_pnp(points, project_points(points, RVEC, 0.3 * TVEC, wide)[0], wide)
@@ -309,7 +309,7 @@ def test_many_points_are_as_few_within_a_thousandth_of_a_pixel(camera, r, p):
 def test_many_points_of_a_wide_lens_there_and_back():
     """Rays up to 115° from the axis: directions come from a table too, and half of the pixels have no plane point."""
     wide = VirtualCamera(
-        AngleMap(200.0), AngleChart(np.eye(3)), Intrinsics(1.0, 0.0, 0.0), Domain(convex_hull(FRAME)), SIZE, 0.1
+        AngleMap(200.0), AngleChart(np.eye(3), Intrinsics(1.0, 0.0, 0.0)), Domain(convex_hull(FRAME)), SIZE, 0.1
     )
     uv = np.random.default_rng(4).uniform([0.0, 0.0], [639.0, 479.0], (MANY, 1, 2))
     angles = (uv[:, 0] - K[:2, 2]) / 200.0

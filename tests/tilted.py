@@ -29,6 +29,6 @@ def tilted_calibration() -> Calibration:
     fitted = fit_map(uv, lattice(BOARD), kernel="se", trend="lens:2")
     intrinsics = Intrinsics(*virtual_camera(POSE))
     domain = Domain(convex_hull(uv))
-    camera = VirtualCamera(fitted.map, PlaneChart(intrinsics), intrinsics, domain, IMAGE_SIZE, fitted.noise)
+    camera = VirtualCamera(fitted.map, PlaneChart(intrinsics), domain, IMAGE_SIZE, fitted.noise)
     corners = CornerSet(BOARD, IMAGE_SIZE, (Corners("a.png", np.arange(54), uv),))
     return Calibration(camera, corners, "one-image", "se", fitted.trend, "a.png", np.zeros(3))

@@ -76,19 +76,24 @@ def _of_pixels(method: Callable[[VirtualCamera, Floats], Floats]) -> Callable[[V
 class VirtualCamera:
     """An ideal pinhole camera behind a learnt map of its image.
 
-    ``plane_map`` maps pixels to chart coordinates, ``chart`` those to rays. The frame is the reference board's: the
-    optical centre is the origin, z is perpendicular to that board, and its plane is the virtual plane at z = f squares.
-    ``image_size`` is (width, height) px; ``mirrored`` is whether the image is a reflection; ``noise_px`` is the fitted
-    standard deviation per axis of a corner's position. Pixels and points that are not finite give nan.
+    ``plane_map`` maps pixels to chart coordinates; ``chart`` maps those to rays, and holds K. The frame is the
+    reference board's: the optical centre is the origin, z is perpendicular to that board, and its plane is the virtual
+    plane at z = f squares. ``image_size`` is (width, height) px; ``mirrored`` is whether the image is a reflection;
+    ``noise_px`` is the fitted standard deviation per axis of a corner's position. Pixels and points that are not finite
+    give nan.
     """
 
     plane_map: PlaneMap
     chart: Chart
-    intrinsics: Intrinsics
     domain: Domain
     image_size: tuple[int, int]
     noise_px: float
     mirrored: bool = False
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """K of the virtual plane."""
+        return self.chart.intrinsics
 
     # --- from pixels ---
 

@@ -1,4 +1,4 @@
-"""Charts: how the two coordinates that a map gives for a pixel represent a ray.
+"""Charts: how the two coordinates that a map gives for a pixel represent a ray, and where the virtual plane is.
 
 The one-image camera maps pixels to the virtual plane, the joint refinement maps them to angles, which stay bounded
 where the plane ends. All other code works with either through this interface.
@@ -54,6 +54,11 @@ class Intrinsics:
 
 class Chart(Protocol):
     """Coordinates q (n, 2) of ray directions in the camera frame of the reference board."""
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """K of the virtual plane in that frame."""
+        ...
 
     def directions(self, q: Floats) -> Floats:
         """Unit directions (n, 3) of ``q`` (n, 2)."""
@@ -122,10 +127,12 @@ class PlaneChart:
 class AngleChart:
     """q = θ (cos φ, sin φ), azimuthal equidistant in radians about the z axis of the map's own frame.
 
-    ``rotation`` (3, 3) rotates directions of that frame to the camera frame of the reference board.
+    ``rotation`` (3, 3) rotates directions of that frame to the camera frame of the reference board. The virtual plane
+    there, of K ``intrinsics``, has no part in q.
     """
 
     rotation: Floats
+    intrinsics: Intrinsics
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rotation", frozen(self.rotation, (3, 3)))

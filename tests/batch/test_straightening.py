@@ -43,7 +43,10 @@ def test_it_is_not_done_twice_but_again_where_that_is_asked(work, straightener, 
 
 def other_works(straightener):
     camera = straightener.camera
-    moved = dataclasses.replace(camera, intrinsics=dataclasses.replace(camera.intrinsics, f=camera.intrinsics.f + 1e-9))
+    chart = dataclasses.replace(
+        camera.chart, intrinsics=dataclasses.replace(camera.intrinsics, f=camera.intrinsics.f + 1e-9)
+    )
+    moved = dataclasses.replace(camera, chart=chart)
     yield Straightener(moved)
     yield Straightener(cropped(camera, 1, 0, (95, 72)))
     yield Straightener(camera, "board")

@@ -31,7 +31,7 @@ def sighting(pose, chart, target=LATTICE):
     return Sighting(target, chart.coordinates(pose.apply(target)), np.broadcast_to(200.0 * np.eye(2), (54, 2, 2)))
 
 
-@pytest.mark.parametrize("chart", [PlaneChart(K), AngleChart(np.eye(3))], ids=["plane", "angles"])
+@pytest.mark.parametrize("chart", [PlaneChart(K), AngleChart(np.eye(3), K)], ids=["plane", "angles"])
 @pytest.mark.parametrize("target", [LATTICE, SOLID], ids=["flat", "bent"])
 def test_derivatives_by_the_pose(chart, target):
     seen, h = sighting(POSES[0], chart, target), 1e-6

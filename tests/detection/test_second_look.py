@@ -38,7 +38,7 @@ def camera():
     fitted = fit_map(uv, grid, kernel="se", trend="lens:3")
     intrinsics = Intrinsics(*virtual_camera(POSE))
     domain = Domain(convex_hull(uv))
-    return VirtualCamera(fitted.map, PlaneChart(intrinsics), intrinsics, domain, LENS.size, fitted.noise)
+    return VirtualCamera(fitted.map, PlaneChart(intrinsics), domain, LENS.size, fitted.noise)
 
 
 @pytest.fixture(scope="module")

@@ -55,7 +55,7 @@ def calibration_of(kernel: str = "se", trend: str = "lens:1") -> Calibration:
     fitted = fit_map(view.uv, view.lattice(BOARD), kernel=kernel, trend=trend)
     intrinsics = Intrinsics(4.3, 2.5, 2.0)
     hull = convex_hull(view.uv)
-    camera = VirtualCamera(fitted.map, PlaneChart(intrinsics), intrinsics, Domain(hull), SIZE, fitted.noise)
+    camera = VirtualCamera(fitted.map, PlaneChart(intrinsics), Domain(hull), SIZE, fitted.noise)
     return Calibration(
         camera,
         CORNERS,
@@ -194,7 +194,7 @@ def add_field(header, arrays):
 
 def swap_part(header, arrays):
     camera = header["calibration"]["fields"]["camera"]["fields"]
-    camera["plane_map"] = camera["intrinsics"]
+    camera["plane_map"] = camera["chart"]
 
 
 def shorten_counts(header, arrays):
@@ -231,7 +231,7 @@ def test_a_file_of_the_first_version_is_read(tmp_path, written):
         header["format_version"] = 1
         fields = header["calibration"]["fields"]
         del fields["closed_form"]
-        fields["refined"] = fields["camera"]["fields"]["intrinsics"]
+        fields["refined"] = fields["camera"]["fields"]["chart"]["fields"]["intrinsics"]
 
     path = tmp_path / "c.npz"
     path.write_bytes(changed(written[0], as_it_was))

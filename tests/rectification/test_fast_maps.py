@@ -47,7 +47,7 @@ def camera_of(lens, max_std=np.inf):
     width, height = lens.size
     frame = np.array([[0.0, 0.0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]])
     domain = Domain(convex_hull(frame), max_std)
-    return VirtualCamera(LensMap(lens), AngleChart(np.eye(3)), Intrinsics(9.0, 0.0, 0.0), domain, lens.size, 0.1)
+    return VirtualCamera(LensMap(lens), AngleChart(np.eye(3), Intrinsics(9.0, 0.0, 0.0)), domain, lens.size, 0.1)
 
 
 def checked(valid):

@@ -47,7 +47,7 @@ class EquidistantMap:
 @pytest.fixture(scope="module")
 def fisheye():
     hull = Domain(convex_hull(CORNERS))
-    return VirtualCamera(EquidistantMap(), AngleChart(np.eye(3)), Intrinsics(9.0, 0.0, 0.0), hull, SIZE, 0.1)
+    return VirtualCamera(EquidistantMap(), AngleChart(np.eye(3), Intrinsics(9.0, 0.0, 0.0)), hull, SIZE, 0.1)
 
 
 def directions_of(view, pixels):

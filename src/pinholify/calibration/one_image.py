@@ -63,7 +63,6 @@ def calibrate_one_image(
     camera = VirtualCamera(
         fitted.map,
         PlaneChart(found.intrinsics, found.covariance),
-        found.intrinsics,
         Domain(hull),
         corner_set.image_size,
         fitted.noise,

@@ -156,8 +156,8 @@ def camera_of(
     frame = plane_map.frame
     limit = DOMAIN_STD * error_px * plane_map.disagreement
     domain = Domain(convex_hull(frame.restore(seen.image)), limit)
-    chart = AngleChart(plane_map.rotation.T)
-    return VirtualCamera(plane_map, chart, intrinsics_of(plane_map), domain, image_size, noise_px, frame.mirrored)
+    chart = AngleChart(plane_map.rotation.T, intrinsics_of(plane_map))
+    return VirtualCamera(plane_map, chart, domain, image_size, noise_px, frame.mirrored)
 
 
 def intrinsics_covariance(plane_map: JointMap) -> Floats:

@@ -108,10 +108,8 @@ def _calibration(
 
 def _camera(theirs: ForeignCamera, plane_map: SplineMap, hull: ConvexRegion, sign: float) -> VirtualCamera:
     focal = float(np.sqrt(np.abs(theirs.focal.prod())))
-    intrinsics = Intrinsics(focal, float(theirs.centre[0]), float(theirs.centre[1]))
-    return VirtualCamera(
-        plane_map, AngleChart(np.eye(3)), intrinsics, Domain(hull), theirs.image_size, np.nan, mirrored=sign < 0
-    )
+    chart = AngleChart(np.eye(3), Intrinsics(focal, float(theirs.centre[0]), float(theirs.centre[1])))
+    return VirtualCamera(plane_map, chart, Domain(hull), theirs.image_size, np.nan, mirrored=sign < 0)
 
 
 # --- inversion of the lens ----------------------------------------------------------------------------------------
