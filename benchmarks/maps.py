@@ -30,6 +30,7 @@ from pinholify.io.camera_file import read_camera, write_camera
 from pinholify.pipeline import calibrate
 from pinholify.points import undistort_points, undistort_points_jacobian
 from pinholify.rectification.maps import inverse_map, rectification_map, sampler
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.views import named_view
 from pinholify.simulation.lenses import LENSES, Resized
 from pinholify.simulation.views import board_poses, true_corners
@@ -125,7 +126,7 @@ def largest_error(camera, view, made):
 
 def compare_maps(path, peers):
     """Prints our times as multiples of the others', taken in turns, and the largest error; the camera and its map."""
-    view = named_view(read_camera(path).camera, "camera", SIZE, None)
+    view = named_view(read_camera(path).camera, ViewOptions(size=SIZE))
     camera = read_camera(path).camera
     made = rectification_map(camera, view)
     rounds = [[*our_seconds(path, camera, view), seconds(rational), seconds(fisheye)] for _ in range(2 * REPEATS)]

@@ -13,6 +13,7 @@ from pinholify.errors import ImageError, InputError
 from pinholify.geometry import ConvexRegion
 from pinholify.io.camera_file import read_camera, write_camera
 from pinholify.modes import SensorMode, binned, cropped, scaled
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 
 FULL = (1920, 1200)  # of the shared camera
@@ -112,7 +113,7 @@ def test_modes_of_modes_stay_one_step_deep(barrel_calibration):
 
 
 def test_a_mode_straightens_its_own_images_only(barrel_calibration):
-    straighten = Straightener(binned(barrel_calibration.camera, 4), size=(240, 150))
+    straighten = Straightener(binned(barrel_calibration.camera, 4), ViewOptions(size=(240, 150)))
     assert straighten(np.full((300, 480), 200, np.uint8)).max() == 200
     with pytest.raises(ImageError, match="1920x1200 and the camera was calibrated at 480x300"):
         straighten(np.zeros((1200, 1920), np.uint8))

@@ -37,7 +37,7 @@ camera = calibration.camera
 # %%
 # Convert pixels to ideal points, in px of any pinhole view, and back.
 
-view = pinholify.named_view(camera, "camera", None, None)
+view = pinholify.named_view(camera)
 ideal = undistort_points(views[8].uv, camera, R=view.rotation, P=view.matrix)
 back = distort_points(undistort_points(views[8].uv, camera), camera)
 assert np.allclose(back, views[8].uv, atol=1e-6)

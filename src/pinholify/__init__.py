@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from pinholify.io.live import straight_frames
     from pinholify.pipeline import calibrate
     from pinholify.rectification.maps import RectificationMap, rectification_map
+    from pinholify.rectification.options import ViewOptions
     from pinholify.rectification.straightener import Straightener
     from pinholify.rectification.views import View, named_view
 
@@ -58,6 +59,7 @@ _HOMES = {
     "RectificationMap": "rectification.maps",
     "Straightener": "rectification.straightener",
     "View": "rectification.views",
+    "ViewOptions": "rectification.options",
     "VirtualCamera": "camera",
     "calibrate": "pipeline",
     "detect_board": "detection",
@@ -97,6 +99,7 @@ __all__ = [
     "RectificationMap",
     "Straightener",
     "View",
+    "ViewOptions",
     "VirtualCamera",
     "calibrate",
     "detect_board",

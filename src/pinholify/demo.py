@@ -26,6 +26,7 @@ from pinholify.io.files import make_folder, writing_text
 from pinholify.io.images import read_image, write_image
 from pinholify.pipeline import calibrate, recalibrate
 from pinholify.rectification.maps import Image
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 from pinholify.simulation.demo import DEMO, street
 
@@ -119,13 +120,13 @@ def _numbers(evaluation: Evaluation, intrinsics_error: float) -> dict[str, Any]:
 def _write_pictures(
     folder: Path, photographs: Path, scene: Image, calibration: Calibration, evaluation: Evaluation
 ) -> None:
-    straighten = Straightener(calibration.camera, "camera", max_std=SHOWN_STD)
+    straighten = Straightener(calibration.camera, ViewOptions(max_std=SHOWN_STD))
     straight = straighten(scene)
     write_image(folder / "street-straight.png", straight)
     both = side_by_side(scene, straight, "as photographed", "as a pinhole camera sees it")
     write_image(folder / "before-after.jpg", both)
     reference = _in_colour(read_image(photographs / calibration.reference))
-    board_view = Straightener(calibration.camera, "board", max_std=SHOWN_STD)
+    board_view = Straightener(calibration.camera, ViewOptions("board", max_std=SHOWN_STD))
     flat = board_view(reference)
     write_image(
         folder / "board.jpg",

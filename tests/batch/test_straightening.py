@@ -15,6 +15,8 @@ from pinholify.batch.straightening import straightening
 from pinholify.errors import ImageError
 from pinholify.io.images import read_image, write_image
 from pinholify.modes import cropped
+from pinholify.rectification.maps import rectification_map
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 
 
@@ -49,10 +51,10 @@ def other_works(straightener):
     moved = dataclasses.replace(camera, chart=chart)
     yield Straightener(moved)
     yield Straightener(cropped(camera, 1, 0, (95, 72)))
-    yield Straightener(camera, "board")
-    yield Straightener(camera, size=(96, 71))
+    yield Straightener(camera, ViewOptions("board"))
+    yield Straightener(camera, ViewOptions(size=(96, 71)))
     yield Straightener(camera, method="splat")
-    yield Straightener(camera, max_std=1.0)
+    yield Straightener(camera, ViewOptions(max_std=1.0))
 
 
 def test_another_camera_view_or_photograph_is_noticed(work, straightener, pictures, tmp_path):
@@ -83,6 +85,19 @@ def test_the_work_stays_small_and_the_same_elsewhere(work, straightener, picture
     assert copy.identity == work.identity == straightening(copy.straightener).identity
     straightener(read_image(pictures[0]))
     assert straightening(straightener).identity == work.identity
+
+
+def test_a_process_builds_its_map_once_for_all_its_pictures(straightener, pictures, tmp_path, monkeypatch):
+    """Every picture comes with a copy of the work."""
+    built = []
+    work = straightening(Straightener(straightener.camera, ViewOptions(size=(50, 40))))
+    monkeypatch.setattr(
+        "pinholify.rectification.straightener.rectification_map",
+        lambda *given, **options: built.append(1) or rectification_map(*given, **options),
+    )
+    for number, source in enumerate(pictures[:3]):
+        pickle.loads(pickle.dumps(work))(Job(source, str(tmp_path / f"{number}.png")))
+    assert len(built) == 1
 
 
 def test_a_photograph_of_another_camera_is_named(work, pictures, tmp_path):

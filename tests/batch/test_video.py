@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pinholify.errors import ImageError, InputError, OutputError
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 from videos import TIME_BASE, decoded, make_video, packets, plane
 
@@ -101,7 +102,7 @@ def test_rotation_stays_in_the_metadata_and_out_of_the_picture(straightener, rot
 )  # fmt: skip
 def test_views_of_any_size(straightener, size, codec, pixel_format):
     make_video(Path("in.mp4"), SIZE, STEADY[:12])
-    assert run(Straightener(straightener.camera, size=size), "in.mp4", "out.mkv", codec=codec) == 12
+    assert run(Straightener(straightener.camera, ViewOptions(size=size)), "in.mp4", "out.mkv", codec=codec) == 12
     frames = decoded("out.mkv")
     assert len(frames) == 12
     assert {(f.width, f.height, f.format.name) for f in frames} == {(*size, pixel_format)}
@@ -168,7 +169,7 @@ def test_parts_of_another_view_or_video_are_not_taken(straightener):
     make_video(Path("in.mp4"), SIZE, STEADY[:20])
     job = video_job(straightener, "in.mp4", "out.mp4")
     others = [
-        video_job(Straightener(straightener.camera, "board"), "in.mp4", "out.mp4"),
+        video_job(Straightener(straightener.camera, ViewOptions("board")), "in.mp4", "out.mp4"),
         video_job(straightener, "in.mp4", "out.mp4", quality=30),
         video_job(straightener, "in.mp4", "out.mp4", codec="hevc"),
     ]
@@ -255,7 +256,7 @@ def test_command(straightener, tmp_path, capsys):
         straighten_one_video(straightener, ["in.mp4"], "out.mp4", **words)
     with pytest.raises(OutputError, match="is one of the inputs"):
         straighten_one_video(straightener, ["in.mp4"], "in.mp4", **{**words, "force": True})
-    odd = Straightener(straightener.camera, size=(81, 55))
+    odd = Straightener(straightener.camera, ViewOptions(size=(81, 55)))
     straighten_one_video(odd, ["in.mp4"], "out.mp4", **{**words, "force": True, "as_json": True})
     captured = capsys.readouterr()
     assert '"pixel_format": "yuv444p"' in captured.out

@@ -10,6 +10,7 @@ from pinholify.camera import Domain, VirtualCamera
 from pinholify.charts import AngleChart, Intrinsics, angles_to_directions, directions_to_angles
 from pinholify.geometry import convex_hull
 from pinholify.rectification.maps import rectification_map, remap, sampler
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.valid_region import source_mask
 from pinholify.rectification.views import named_view
 from pinholify.simulation.lenses import LENSES, Fisheye, Pinhole, Resized
@@ -67,7 +68,7 @@ def test_a_map_is_right_to_a_hundredth_of_a_pixel(name, view_name):
     """Also at the edges; of images as large as those of a 4K camera."""
     lens = Resized(LENSES[name], tuple(3 * n for n in LENSES[name].size))
     camera = camera_of(lens)
-    view = named_view(camera, view_name, VIEW_SIZE, None)
+    view = named_view(camera, ViewOptions(view_name, size=VIEW_SIZE))
     made = rectification_map(camera, view)
     assert made.valid.mean() > 0.3
     pixels = checked(made.valid)
@@ -81,7 +82,7 @@ def pinhole():
 
 
 def test_what_is_valid_is_what_may_be_believed(pinhole):
-    view = named_view(pinhole, "camera", (500, 400), None, fov=80.0)
+    view = named_view(pinhole, ViewOptions(size=(500, 400), fov=80.0))
     made = rectification_map(pinhole, view)
     exact = pinhole.project(view.directions(np.argwhere(np.ones((400, 500)))[:, ::-1].astype(float)))
     inside = ((exact > 0) & (exact < np.array([639, 399]))).all(axis=1)
@@ -92,7 +93,7 @@ def test_what_is_valid_is_what_may_be_believed(pinhole):
 
 
 def test_the_standard_deviation_of_every_pixel(pinhole):
-    view = named_view(pinhole, "camera", (500, 400), None, fov=80.0)
+    view = named_view(pinhole, ViewOptions(size=(500, 400), fov=80.0))
     made = rectification_map(pinhole, view, with_std=True)
     inside = ((made.uv >= 0) & (made.uv <= [639, 399])).all(axis=2)
     truth = pinhole.plane_map.std(made.uv[inside].astype(float))
@@ -119,7 +120,7 @@ def gradient_picture(size):
 
 @pytest.mark.parametrize("fixed_point", [False, True])
 def test_sampling_is_that_of_opencv_inside_and_black_outside(pinhole, fixed_point):
-    view = named_view(pinhole, "camera", (500, 400), None, fov=80.0)
+    view = named_view(pinhole, ViewOptions(size=(500, 400), fov=80.0))
     made = rectification_map(pinhole, view)
     picture = gradient_picture((640, 400))
     out = sampler(made, (640, 400), fixed_point=fixed_point)(picture)
@@ -132,7 +133,7 @@ def test_sampling_is_that_of_opencv_inside_and_black_outside(pinhole, fixed_poin
 
 def test_the_outermost_pixels_of_the_image_are_shown_in_their_own_colour():
     camera = camera_of(Fisheye((320, 200), 100.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0)))
-    view = named_view(camera, "equirectangular", (400, 300), None)
+    view = named_view(camera, ViewOptions("equirectangular", size=(400, 300)))
     made = rectification_map(camera, view)
     near = made.valid & ((made.uv < 0.4) | (made.uv > np.array([319, 199]) - 0.4)).any(axis=2)
     assert near.sum() > 100
@@ -146,7 +147,7 @@ def test_the_outermost_pixels_of_the_image_are_shown_in_their_own_colour():
 @pytest.mark.parametrize("shape", [(400, 640), (400, 640, 1), (400, 640, 3)])
 @pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.float32, np.float64, np.int32])
 def test_every_kind_of_image_keeps_its_kind(pinhole, shape, dtype):
-    view = named_view(pinhole, "camera", (100, 80), None, fov=50.0)
+    view = named_view(pinhole, ViewOptions(size=(100, 80), fov=50.0))
     out = remap(np.full(shape, 77, dtype=dtype), rectification_map(pinhole, view))
     assert out.dtype == dtype
     assert out.shape == (80, 100, *shape[2:])

@@ -6,6 +6,7 @@ import pytest
 from pinholify.errors import ImageError, InputError
 from pinholify.expansion import expand
 from pinholify.rectification.maps import rectification_map
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 from pinholify.rectification.valid_region import source_mask, valid_pixels
 from pinholify.rectification.views import named_view, share_outside
@@ -34,7 +35,7 @@ def test_an_expansion_divides_what_one_polynomial_cannot_follow():
 
 
 def test_what_may_not_be_believed_is_black(barrel_calibration):
-    straighten = Straightener(barrel_calibration.camera, "camera", size=(480, 300))
+    straighten = Straightener(barrel_calibration.camera, ViewOptions(size=(480, 300)))
     valid = rectification_map(barrel_calibration.camera, straighten.view).valid
     out = straighten(np.full((SIZE[1], SIZE[0]), 200, np.uint8))
     assert 0.02 < (~valid).mean() < 0.5
@@ -44,7 +45,7 @@ def test_what_may_not_be_believed_is_black(barrel_calibration):
 @pytest.mark.parametrize("name", ["camera", "board"])
 def test_all_that_is_known_and_the_corners_that_told_it_lie_in_the_view(barrel_calibration, name):
     camera = barrel_calibration.camera
-    view = named_view(camera, name, None, None)
+    view = named_view(camera, ViewOptions(name))
     used = np.concatenate([v.uv for v in barrel_calibration.corner_set.found])
     known = np.argwhere(source_mask(camera, None))[::97, ::-1].astype(float)
     for uv in (used[valid_pixels(camera, used, None)], known):
@@ -69,7 +70,7 @@ def test_an_expansion_goes_around_what_has_no_answer():
 @pytest.mark.parametrize("name", ["camera", "board"])
 def test_a_map_is_the_inverse_of_the_camera(barrel_calibration, name):
     camera = barrel_calibration.camera
-    view = named_view(camera, name, (640, 400), None)
+    view = named_view(camera, ViewOptions(name, size=(640, 400)))
     made = rectification_map(camera, view)
     y, x = np.nonzero(made.valid)
     chosen = np.random.default_rng(0).choice(len(x), 300)
@@ -81,9 +82,9 @@ def test_a_map_is_the_inverse_of_the_camera(barrel_calibration, name):
 
 def test_the_camera_view_looks_along_the_axis_and_the_board_view_at_the_board(barrel_calibration):
     camera = barrel_calibration.camera
-    board = named_view(camera, "board", None, None)
+    board = named_view(camera, ViewOptions("board"))
     np.testing.assert_array_equal(board.rotation, np.eye(3))
-    along = named_view(camera, "camera", None, None)
+    along = named_view(camera)
     centre = camera.to_rays((np.array([SIZE]) - 1) / 2.0).directions
     np.testing.assert_allclose(along.rotation @ centre[0], [0, 0, 1], atol=1e-9)
     assert np.linalg.det(along.rotation) == pytest.approx(1.0)
@@ -101,7 +102,7 @@ def lines_picture():
 
 def test_straight_lines_become_straight(barrel_calibration):
     camera = barrel_calibration.camera
-    straighten = Straightener(camera, "board")
+    straighten = Straightener(camera, ViewOptions("board"))
     straight = straighten(lines_picture()).astype(float)
     middle = straight[500:700].mean(axis=0)
     for row in (250, 400, 800, 950):
@@ -116,7 +117,7 @@ def test_straight_lines_become_straight(barrel_calibration):
 def test_depth_and_channels_are_kept(barrel_calibration, method, dtype, channels):
     shape = (SIZE[1], SIZE[0]) if channels == 1 else (SIZE[1], SIZE[0], channels)
     image = np.full(shape, np.iinfo(dtype).max // 2, dtype=dtype)
-    out = Straightener(barrel_calibration.camera, "board", size=(480, 300), method=method)(image)
+    out = Straightener(barrel_calibration.camera, ViewOptions("board", size=(480, 300)), method=method)(image)
     assert out.dtype == dtype
     assert out.shape == (300, 480, *shape[2:])
     assert set(np.unique(out)) <= {0, np.iinfo(dtype).max // 2}
@@ -126,7 +127,7 @@ def test_depth_and_channels_are_kept(barrel_calibration, method, dtype, channels
 def test_splat_and_remap_show_the_same(barrel_calibration):
     picture = lines_picture()
     remapped, splatted = (
-        Straightener(barrel_calibration.camera, "board", size=(960, 600), method=m)(picture).astype(float)
+        Straightener(barrel_calibration.camera, ViewOptions("board", size=(960, 600)), method=m)(picture).astype(float)
         for m in ("remap", "splat")
     )
     both = (remapped > 0) & (splatted > 0)
@@ -136,7 +137,7 @@ def test_splat_and_remap_show_the_same(barrel_calibration):
 
 def test_a_std_limit_shows_more_or_less(barrel_calibration):
     camera = barrel_calibration.camera
-    view = named_view(camera, "camera", (320, 200), 50.0)
+    view = named_view(camera, ViewOptions(size=(320, 200), max_std=50.0))
     shown = [rectification_map(camera, view, max_std=limit).valid.mean() for limit in (0.05, 1.0)]
     assert shown[0] < shown[1]
 
@@ -146,10 +147,11 @@ def test_an_image_of_another_size_is_refused(barrel_calibration):
         Straightener(barrel_calibration.camera)(np.zeros((480, 640), np.uint8))
 
 
-@pytest.mark.parametrize("options", [{"view_name": "moon"}, {"method": "magic"}])
-def test_unknown_views_and_methods_are_refused(barrel_calibration, options):
-    with pytest.raises(InputError, match=r"unknown .*: choose one of"):
-        Straightener(barrel_calibration.camera, **options)
+def test_unknown_views_and_methods_are_refused(barrel_calibration):
+    with pytest.raises(InputError, match=r"unknown view 'moon': choose one of camera, board"):
+        ViewOptions("moon")
+    with pytest.raises(InputError, match=r"unknown method 'magic': choose one of remap, splat"):
+        Straightener(barrel_calibration.camera, method="magic")
 
 
 def test_the_picture_is_taken_through_the_calibrated_lens():

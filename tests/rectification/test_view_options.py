@@ -10,20 +10,28 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from pinholify.cli.options import explained
 from pinholify.cli.undistort_command import command
-from pinholify.cli.view_options import FLAT_VIEWS, VIEWS, turn
+from pinholify.cli.view_options import FLAT_VIEWS, turn
 from pinholify.io.camera_file import read_camera, write_camera
 from pinholify.io.images import read_image, write_image
 from pinholify.rectification import views
 from pinholify.rectification.maps import rectification_map
-from pinholify.rectification.surfaces import Plane
+from pinholify.rectification.options import KEPT, METHODS, VIEWS, ViewOptions
+from pinholify.rectification.surfaces import SURFACES, FlatSurface
 from pinholify.rectification.valid_region import source_mask
 from synthetic import SIZE
 
 
-def test_the_names_are_those_of_the_library():
-    assert views.VIEWS == VIEWS
-    assert {name for name in VIEWS if isinstance(views.SURFACES.get(name, Plane()), Plane)} == set(FLAT_VIEWS)
+def test_flat_views_are_those_on_a_plane():
+    flat = {name for name, kind in VIEWS.items() if isinstance(SURFACES[kind.surface], FlatSurface)}
+    assert flat == set(FLAT_VIEWS)
+
+
+def test_help_explains_every_name():
+    text = re.sub(r"\s", "", CliRunner().invoke(command, ["--help"]).output)
+    assert all(name in text for name in (*VIEWS, *KEPT, *METHODS))
+    assert explained({"a": "one", "b": "two", "c": "two"}) == "a: one; b, c: two."
 
 
 @pytest.mark.parametrize(
@@ -99,7 +107,7 @@ def test_what_a_fitted_view_leaves_out_is_said(files, tmp_path):
     note = said(files, tmp_path, "--turn", "50")
     turned = re.fullmatch(r"note: (.*) % of the known part of the photograph .*\n", note)
     camera = read_camera(files / "camera.npz").camera
-    view = views.named_view(camera, "camera", None, None, turn=(50.0, 0.0, 0.0))
+    view = views.named_view(camera, ViewOptions(turn=(50.0, 0.0, 0.0)))
     shown = np.zeros((SIZE[1], SIZE[0]), bool)
     u, v = np.rint(np.moveaxis(rectification_map(camera, view).uv, -1, 0)).astype(int).reshape(2, -1)
     within = (u >= 0) & (v >= 0) & (u < SIZE[0]) & (v < SIZE[1])

@@ -15,11 +15,12 @@ from pinholify.errors import CalibrationError, InputError
 from pinholify.geometry import convex_hull
 from pinholify.io.export.base import pinhole_export
 from pinholify.rectification.maps import rectification_map, remap
+from pinholify.rectification.options import VIEWS, ViewOptions
 from pinholify.rectification.rectangle import largest_rectangle
 from pinholify.rectification.straightener import Straightener
-from pinholify.rectification.surfaces import Cylinder, Plane, Sphere
+from pinholify.rectification.surfaces import SURFACES, CylindricalSurface, FlatSurface, SphericalSurface
 from pinholify.rectification.valid_region import source_mask, valid_pixels
-from pinholify.rectification.views import CUBE, SURFACES, View, named_view, share_outside
+from pinholify.rectification.views import View, named_view, share_outside
 
 SIZE = (640, 480)
 SCALE = 200.0  # px a radian: 183° across, 137° down
@@ -55,7 +56,7 @@ def directions_of(view, pixels):
     return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
-@pytest.mark.parametrize("surface", [Plane(), Cylinder(), Sphere()])
+@pytest.mark.parametrize("surface", SURFACES.values())
 @given(yaw=st.floats(-75, 75), pitch=st.floats(-60, 60))
 def test_coordinates_are_those_of_the_direction(surface, yaw, pitch):
     a, b = np.deg2rad([yaw, pitch])
@@ -66,28 +67,28 @@ def test_coordinates_are_those_of_the_direction(surface, yaw, pitch):
 
 def test_each_surface_by_its_definition():
     xyz = np.array([[1.0, 2.0, 1.0]])
-    np.testing.assert_allclose(Plane().coordinates(xyz), [[1.0, 2.0]])
-    np.testing.assert_allclose(Cylinder().coordinates(xyz), [[np.pi / 4, np.sqrt(2)]])
-    np.testing.assert_allclose(Sphere().coordinates(xyz), [[np.pi / 4, np.arctan(np.sqrt(2))]])
+    np.testing.assert_allclose(FlatSurface().coordinates(xyz), [[1.0, 2.0]])
+    np.testing.assert_allclose(CylindricalSurface().coordinates(xyz), [[np.pi / 4, np.sqrt(2)]])
+    np.testing.assert_allclose(SphericalSurface().coordinates(xyz), [[np.pi / 4, np.arctan(np.sqrt(2))]])
 
 
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("name", ["camera", "board", "cylindrical", "equirectangular"])
 def test_directions_and_pixels_are_inverse(fisheye, name):
-    view = named_view(fisheye, name, (300, 200), None, turn=(10.0, -5.0, 20.0), fov=100.0)
+    view = named_view(fisheye, ViewOptions(name, size=(300, 200), turn=(10.0, -5.0, 20.0), fov=100.0))
     pixels = np.random.default_rng(0).uniform(0, [299, 199], (100, 2))
     np.testing.assert_allclose(view.project(4.0 * directions_of(view, pixels)), pixels, atol=1e-9)
 
 
 @pytest.mark.parametrize(("name", "fov"), [("camera", 80.0), ("cylindrical", 180.0), ("equirectangular", 360.0)])
 def test_a_view_is_as_wide_as_was_asked(fisheye, name, fov):
-    view = named_view(fisheye, name, (300, 200), None, fov=fov)
+    view = named_view(fisheye, ViewOptions(name, size=(300, 200), fov=fov))
     left, right = directions_of(view, [[-0.499999, 99.5], [299.499999, 99.5]])
     assert np.rad2deg(np.arctan2(right[0], right[2])) == pytest.approx(fov / 2, abs=1e-3)
     assert np.rad2deg(np.arctan2(left[0], left[2])) == pytest.approx(-fov / 2, abs=1e-3)
 
 
 def test_a_full_equirectangular_picture_holds_every_direction_once(fisheye):
-    view = named_view(fisheye, "equirectangular", (400, 200), None, fov=360.0)
+    view = named_view(fisheye, ViewOptions("equirectangular", size=(400, 200), fov=360.0))
     top, bottom = directions_of(view, [[100.0, -0.4999], [100.0, 199.4999]])
     np.testing.assert_allclose([top[1], bottom[1]], [-1.0, 1.0], atol=1e-5)
     beyond = view.directions(np.array([[-1.0, 50.0], [400.0, 50.0], [50.0, -1.0], [50.0, 200.0]]))
@@ -104,12 +105,13 @@ def test_a_full_equirectangular_picture_holds_every_direction_once(fisheye):
     ],
 )
 def test_turns_go_right_up_and_clockwise(fisheye, turn, ahead, right):
-    rotation = named_view(fisheye, "camera", None, None, turn=turn, fov=60.0).rotation
+    rotation = named_view(fisheye, ViewOptions(turn=turn, fov=60.0)).rotation
     np.testing.assert_allclose(rotation[[2, 0]], [ahead, right], atol=1e-12)
 
 
 def test_the_faces_of_a_cube_meet_at_their_edges(fisheye):
-    faces = {name: named_view(fisheye, name, (200, 200), None) for name in CUBE}
+    cube = [name for name in VIEWS if name.startswith("cube-")]
+    faces = {name: named_view(fisheye, ViewOptions(name, size=(200, 200))) for name in cube}
 
     def meet(one, at, other, there):
         ends = directions_of(faces[f"cube-{one}"], at), directions_of(faces[f"cube-{other}"], there)
@@ -123,15 +125,15 @@ def test_the_faces_of_a_cube_meet_at_their_edges(fisheye):
 
 
 def test_a_face_of_a_cube_is_as_fine_as_the_middle_of_the_image(fisheye):
-    assert named_view(fisheye, "cube-front", None, None).size == (400, 400)
+    assert named_view(fisheye, ViewOptions("cube-front")).size == (400, 400)
 
 
 @pytest.mark.parametrize("name", ["cylindrical", "equirectangular"])
 def test_a_view_all_around_shows_the_whole_image_and_no_more(fisheye, name):
-    view = named_view(fisheye, name, (400, 300), None)
+    view = named_view(fisheye, ViewOptions(name, size=(400, 300)))
     v, u = (grid.ravel() for grid in np.mgrid[0:480:20, 0:640:20])
     directions = fisheye.chart.directions(fisheye.plane_map.value(np.column_stack([u, v]).astype(float)))
-    seen = view.project(directions[SURFACES[name].steepness(directions) < np.deg2rad(65.0)])
+    seen = view.project(directions[SURFACES[VIEWS[name].surface].steepness(directions) < np.deg2rad(65.0)])
     assert (seen > -0.5).all()
     assert (seen < np.array([400, 300]) - 0.5).all()
     spread = (np.ptp(seen, axis=0) / [399, 299]).max()
@@ -154,17 +156,17 @@ def seen_share(camera, view, uv):
 def test_where_a_std_is_known_corners_are_no_limit_of_views(fisheye):
     """What pictures show is what the view is fitted to, and a stricter limit never shows more."""
     camera = with_corners_up_to(fisheye, 20.0, max_std=0.3)
-    view = named_view(camera, "camera", (400, 300), None)
+    view = named_view(camera, ViewOptions(size=(400, 300)))
     known = np.argwhere(source_mask(camera, None))[:, ::-1].astype(float)
     assert seen_share(camera, view, known) == 1.0
     assert rectification_map(camera, view).valid.mean() > 0.5
-    asked = [named_view(camera, "camera", (400, 300), limit).matrix[0, 0] for limit in (0.15, 0.2, 0.3)]
+    asked = [named_view(camera, ViewOptions(size=(400, 300), max_std=limit)).matrix[0, 0] for limit in (0.15, 0.2, 0.3)]
     assert asked[0] > asked[1] > asked[2] == view.matrix[0, 0]
 
 
 def test_where_no_std_limits_what_is_known_the_hull_does(fisheye):
     camera = with_corners_up_to(fisheye, 40.0)
-    view = named_view(camera, "camera", (400, 300), None)
+    view = named_view(camera, ViewOptions(size=(400, 300)))
     corners = camera.domain.hull.vertices
     assert seen_share(camera, view, corners) == 1.0
     top, bottom = directions_of(view, [[199.5, 0.0], [199.5, 299.0]])
@@ -174,7 +176,7 @@ def test_where_no_std_limits_what_is_known_the_hull_does(fisheye):
 @pytest.mark.parametrize(("corners", "reach"), [(50.0, 65.0), (67.0, 67.0), (69.9, 69.9), (71.0, 65.0), (85.0, 65.0)])
 def test_a_flat_view_goes_to_65_degrees_and_to_70_for_the_sake_of_all_corners(fisheye, corners, reach):
     camera = with_corners_up_to(fisheye, corners, max_std=10.0)
-    view = named_view(camera, "camera", (300, 300), None)
+    view = named_view(camera, ViewOptions(size=(300, 300)))
     left, right = directions_of(view, [[0.0, 149.5], [299.0, 149.5]])
     assert np.rad2deg(np.arccos(left @ right)) == pytest.approx(2.0 * reach, abs=0.7)
     on_image = np.clip(camera.domain.hull.vertices, 0.0, np.array(SIZE) - 1.0)
@@ -182,11 +184,11 @@ def test_a_flat_view_goes_to_65_degrees_and_to_70_for_the_sake_of_all_corners(fi
 
 
 def test_the_share_outside_a_view(fisheye):
-    view = named_view(fisheye, "camera", (400, 300), None, fov=90.0)
+    view = named_view(fisheye, ViewOptions(size=(400, 300), fov=90.0))
     u, v = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     uv = np.column_stack([u.ravel(), v.ravel()]).astype(float)
     assert share_outside(fisheye, view, None) == pytest.approx(1.0 - seen_share(fisheye, view, uv), abs=0.005)
-    assert share_outside(fisheye, named_view(fisheye, "equirectangular", (400, 300), None), None) == 0.0
+    assert share_outside(fisheye, named_view(fisheye, ViewOptions("equirectangular", size=(400, 300))), None) == 0.0
 
 
 def test_nothing_outside_the_image_may_be_believed(fisheye):
@@ -198,7 +200,7 @@ def test_nothing_outside_the_image_may_be_believed(fisheye):
 @pytest.mark.parametrize("name", ["camera", "cylindrical", "equirectangular"])
 @pytest.mark.parametrize("size", [(320, 200), (150, 300)])
 def test_only_valid_pixels_are_kept_and_as_many_as_there_are(fisheye, name, size):
-    narrow = named_view(fisheye, name, size, 0.3, keep="valid")
+    narrow = named_view(fisheye, ViewOptions(name, size=size, keep="valid", max_std=0.3))
     assert rectification_map(fisheye, narrow, max_std=0.3).valid.all()
     grown = np.diag([0.95, 0.95, 1.0]) @ narrow.matrix
     grown[:2, 2] += 0.05 * (np.array(size) - 1) / 2.0
@@ -208,7 +210,7 @@ def test_only_valid_pixels_are_kept_and_as_many_as_there_are(fisheye, name, size
 
 def test_a_picture_without_black_needs_something_to_show(fisheye):
     with pytest.raises(CalibrationError, match="no part of this view is free of black"):
-        named_view(fisheye, "camera", (300, 2), None, keep="valid")
+        named_view(fisheye, ViewOptions(size=(300, 2), keep="valid"))
 
 
 @pytest.mark.parametrize(
@@ -223,12 +225,12 @@ def test_a_picture_without_black_needs_something_to_show(fisheye):
 )
 def test_what_is_no_view_is_refused(fisheye, name, options, message):
     with pytest.raises(InputError, match=message):
-        named_view(fisheye, name, None, None, **options)
+        named_view(fisheye, ViewOptions(name, **options))
 
 
-def test_a_face_that_is_not_square_is_refused(fisheye):
+def test_a_face_that_is_not_square_is_refused():
     with pytest.raises(InputError, match="200x100 was requested; give a square size"):
-        named_view(fisheye, "cube-up", (200, 100), None)
+        ViewOptions("cube-up", size=(200, 100))
 
 
 def largest_by_trying(mask, proportion):
@@ -264,14 +266,14 @@ def horizon_picture():
 
 def test_pictures_show_what_views_say(fisheye):
     """Turned up by 10 degrees and with 90 degrees over 200 px, the horizon lies 100 tan(10 degrees) px lower."""
-    straighten = Straightener(fisheye, "camera", (200, 200), turn=(0.0, 10.0, 0.0), fov=90.0)
+    straighten = Straightener(fisheye, ViewOptions(size=(200, 200), turn=(0.0, 10.0, 0.0), fov=90.0))
     middle = straighten(horizon_picture())[:, 100].astype(int)
     assert np.argmax(middle < 130) == pytest.approx(99.5 + 100.0 * np.tan(np.deg2rad(10.0)), abs=1.0)
 
 
 def test_a_splat_leaves_no_holes_where_a_view_magnifies(fisheye):
     picture = np.full((SIZE[1], SIZE[0], 3), 200, np.uint8)
-    splatted = Straightener(fisheye, "camera", (400, 300), method="splat", fov=25.0)(picture)
+    splatted = Straightener(fisheye, ViewOptions(size=(400, 300), fov=25.0), method="splat")(picture)
     assert (splatted == 200).all()
 
 
@@ -280,7 +282,7 @@ def test_a_splat_leaves_no_holes_where_a_view_magnifies(fisheye):
 def test_a_splat_is_made_as_the_paper_says(fisheye, dtype, channels):
     """Every pixel goes to its rounded place; a hole is the median of those of its eight neighbours that are there."""
     picture = np.random.default_rng(0).integers(0, 255, (SIZE[1], SIZE[0], *channels)).astype(dtype)
-    straighten = Straightener(fisheye, "camera", (400, 300), method="splat", fov=100.0)
+    straighten = Straightener(fisheye, ViewOptions(size=(400, 300), fov=100.0), method="splat")
     placed = np.full((302, 402, *channels), np.nan)
     v, u = (grid.ravel() for grid in np.mgrid[0 : SIZE[1], 0 : SIZE[0]])
     directions = fisheye.chart.directions(fisheye.plane_map.value(np.column_stack([u, v]).astype(float)))
@@ -302,20 +304,21 @@ def test_a_splat_is_made_as_the_paper_says(fisheye, dtype, channels):
 def test_a_splat_grows_no_streaks(fisheye):
     picture = np.where(np.indices((SIZE[1], SIZE[0])).sum(axis=0) % 40 < 20, 40, 220).astype(np.uint8)
     splatted, remapped = (
-        Straightener(fisheye, "camera", (400, 300), method=method, fov=25.0)(picture).astype(float)
+        Straightener(fisheye, ViewOptions(size=(400, 300), fov=25.0), method=method)(picture).astype(float)
         for method in ("splat", "remap")
     )
     assert (np.abs(splatted - remapped) > 90).mean() < 0.06  # a px of the image, here four wide, along the edges
 
 
 def test_a_view_turned_from_all_that_is_seen_is_black(fisheye):
-    view = named_view(fisheye, "cube-back", None, None)
+    view = named_view(fisheye, ViewOptions("cube-back"))
     made = rectification_map(fisheye, view)
     assert not made.valid.any()
     assert not remap(np.full((SIZE[1], SIZE[0]), 255, np.uint8), made).any()
 
 
 def test_only_flat_views_are_exported_as_pinhole_cameras(fisheye):
-    assert pinhole_export(fisheye, "cube-right", size=(60, 60)).intrinsics == pytest.approx((30.0, 30.0, 29.5, 29.5))
+    face = pinhole_export(fisheye, ViewOptions("cube-right", size=(60, 60)))
+    assert face.intrinsics == pytest.approx((30.0, 30.0, 29.5, 29.5))
     with pytest.raises(InputError, match="'cylindrical' is not a pinhole camera"):
-        pinhole_export(fisheye, "cylindrical")
+        pinhole_export(fisheye, ViewOptions("cylindrical"))

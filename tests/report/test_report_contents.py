@@ -14,6 +14,7 @@ from pinholify.evaluation.summary import evaluate
 from pinholify.evaluation.verdict import judge
 from pinholify.geometry import ConvexRegion, convex_hull
 from pinholify.rectification.maps import rectification_map
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.views import named_view
 from pinholify.refinement.sharing import SharedError
 from pinholify.report.contents import make_report
@@ -194,7 +195,7 @@ def coverage_text(report):
 def test_what_pictures_show_is_said(report, evaluation):
     """Of a camera of one image its domain; of one whose std has a limit all that is known as well, and how well."""
     camera = evaluation.calibration.camera
-    seen = rectification_map(camera, named_view(camera, "camera", (1600, 1200), None))
+    seen = rectification_map(camera, named_view(camera, ViewOptions(size=(1600, 1200))))
     u, v = np.rint(seen.uv[seen.valid]).astype(int).T
     pixels = len(np.unique(v * SIZE[0] + u))
     assert report.coverage.shown == pytest.approx(pixels / np.prod(SIZE), abs=0.01)
@@ -222,7 +223,7 @@ def test_the_ruler_lies_on_the_straightened_boards_edges(report, evaluation):
     # Of a pinhole camera, the middle corner of an edge lies on the ruler; in the photograph it does not.
     camera = evaluation.calibration.camera
     row = np.arange(BOARD.columns)
-    straight = named_view(camera, "camera", None, None).project(camera.to_rays(view.uv[row]).directions)
+    straight = named_view(camera).project(camera.to_rays(view.uv[row]).directions)
     assert bend(straight) < 0.2
     assert bend(view.uv[row]) > 1.0
     assert frame.ruler_after[0] * SIZE - 0.5 == pytest.approx(straight[[0, -1]], abs=0.01)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -20,7 +19,7 @@ from pinholify.io.images import decode_image, encode_image
 from pinholify.rectification.straightener import Straightener
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Straightening:
     """Does a :class:`Job` when called; small enough to send to other processes, each of which builds its map once.
 
@@ -28,7 +27,7 @@ class Straightening:
     ``again`` a picture that is already finished is done again.
     """
 
-    straightener: Straightener
+    straightener: Straightener = field(compare=False)
     identity: str
     again: bool = False
 
@@ -44,7 +43,7 @@ class Straightening:
             return
         image = decode_image(data, job.source, keep_alpha=True)
         try:
-            straight = _prepared(self)(image)
+            straight = _first_like(self).straightener(image)
         except ImageError as error:
             raise ImageError(f"'{job.source}': {error}") from None
         places.write_bytes(job.target, stamps.stamped(encode_image(straight, job.target), stamp))
@@ -73,9 +72,9 @@ def straightening(straightener: Straightener, *, again: bool = False) -> Straigh
 
 
 @lru_cache(maxsize=1)
-def _prepared(work: Straightening) -> Straightener:
-    """A copy of the straightener that caches its map in this process, so that ``work`` stays small."""
-    return copy.copy(work.straightener)
+def _first_like(work: Straightening) -> Straightening:
+    """The first of equal works in this process, which has built its map: every job may come with a copy of its own."""
+    return work
 
 
 def _standing_stamp(target: str) -> str | None:
@@ -84,14 +83,10 @@ def _standing_stamp(target: str) -> str | None:
 
 
 def _digest(digest: Any, value: Any) -> None:
-    """Feed ``value`` into ``digest``, except for fields whose name begins with an underscore, which are caches.
-
-    Raises TypeError for a value whose text does not identify it.
-    """
+    """Feed ``value`` into ``digest``; raises TypeError for a value whose text does not identify it."""
     if dataclasses.is_dataclass(value):
         digest.update(type(value).__name__.encode())
-        fields = [f.name for f in dataclasses.fields(value) if not f.name.startswith("_")]
-        _digest(digest, {name: getattr(value, name) for name in fields})
+        _digest(digest, {field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
     elif isinstance(value, np.ndarray):
         digest.update(f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
     elif isinstance(value, Mapping):

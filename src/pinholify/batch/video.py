@@ -111,7 +111,7 @@ def straighten_video(straightener: Straightener, job: VideoJob, *, on_frame: Cal
 
 def _straight_frames(straightener: Straightener, job: VideoJob, after: int | None) -> Generator[Frame, None, None]:
     """The frames after the time ``after``, decoded in one thread and remapped in another."""
-    rectification = rectification_map(straightener.camera, straightener.view, max_std=straightener.max_std)
+    rectification = rectification_map(straightener.camera, straightener.view, max_std=straightener.options.max_std)
     straighten = frame_straightener(
         rectification, job.info.size, job.encoding.pixel_format, full_range=job.encoding.colour.range == FULL_RANGE
     )

@@ -7,8 +7,9 @@ from pathlib import Path
 import click
 
 from pinholify.cli.options import check_output, examples, overwrite_option, say
-from pinholify.cli.view_options import ViewChoice, flat_view_options
+from pinholify.cli.view_options import flat_view_options
 from pinholify.io.export import FORMATS
+from pinholify.rectification.options import ViewOptions
 
 FORMAT_LIST = "\b\nFormats:\n" + "\n".join(f"  {name:14} {title}" for name, title in FORMATS.items())
 
@@ -32,7 +33,7 @@ FORMAT_LIST = "\b\nFormats:\n" + "\n".join(f"  {name:14} {title}" for name, titl
 def command(
     camera: Path,
     format_name: str,
-    choice: ViewChoice,
+    view: ViewOptions,
     output: Path,
     force: bool,
 ) -> None:
@@ -50,8 +51,8 @@ def command(
     form.check_path(output)
     for file in form.files(output):
         check_output(file, force=force, inputs=(camera,))
-    lost = export_view(read_camera(camera).camera, format_name, output, choice.view, **choice.options())
-    what = f"view '{choice.view}'" if form.of_view else "the camera"
+    lost = export_view(read_camera(camera).camera, format_name, output, view)
+    what = f"view '{view.name}'" if form.of_view else "the camera"
     click.echo(f"wrote {' and '.join(str(file) for file in form.files(output))}: {what} for {format_name}")
     for sentence in lost:
         say(f"note: {sentence}")

@@ -7,7 +7,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
@@ -59,6 +59,14 @@ def length(text: str) -> float:
     if millimetres <= 0:
         raise click.BadParameter(f"invalid length '{text}': write for example 25mm, 2.5cm or 1in")
     return millimetres
+
+
+def explained(choices: Mapping[str, str]) -> str:
+    """The help of an option with these ``choices``, each with its meaning; those with the same meaning are joined."""
+    names: dict[str, list[str]] = {}
+    for name, meaning in choices.items():
+        names.setdefault(meaning, []).append(name)
+    return "; ".join(f"{', '.join(some)}: {meaning}" for meaning, some in names.items()) + "."
 
 
 def board_option(function: F) -> F:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinholify.cli.options import examples, json_option, overwrite_option, print_json, progress, say
+from pinholify.cli.options import examples, explained, json_option, overwrite_option, print_json, progress, say
 from pinholify.cli.video import CODECS, straighten_one_video
-from pinholify.cli.view_options import ViewChoice, view_json, view_options
+from pinholify.cli.view_options import straightener_of, view_json, view_options
 from pinholify.errors import ImageError, OutputError
+from pinholify.rectification.options import METHODS, ViewOptions
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.batch.jobs import Report
@@ -33,10 +34,10 @@ EXAMPLES = examples(
 @view_options
 @click.option(
     "--method",
-    type=click.Choice(["remap", "splat"]),
+    type=click.Choice(list(METHODS)),
     default="remap",
     show_default=True,
-    help="remap: backward interpolation; splat: the paper's forward map with a median filter, several times slower.",
+    help=explained(METHODS),
 )
 @click.option("--codec", type=click.Choice(CODECS), help="Video: codec of the output; by default that of the original.")
 @click.option("--quality", type=click.IntRange(0, 63), help="Video: constant rate factor; lower is better.")
@@ -49,7 +50,7 @@ def command(
     camera: Path,
     images: tuple[str, ...],
     output: str,
-    choice: ViewChoice,
+    view: ViewOptions,
     method: str,
     codec: str | None,
     quality: int | None,
@@ -81,7 +82,7 @@ def command(
         raise click.UsageError("--codec and --quality are for videos")
     if not videos:
         check_folder(output)
-    straighten = choice.straightener(camera, method=method)
+    straighten = straightener_of(camera, view, method)
     if videos:
         straighten_one_video(straighten, sources, output, codec=codec, quality=quality, force=force, as_json=as_json)
         return

@@ -4,72 +4,54 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from pinholify.cli import options
+from pinholify.rectification.options import KEPT, VIEWS, ViewKind, ViewOptions, YawPitchRoll
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.rectification.straightener import Straightener
 
-FACES = tuple(f"cube-{face}" for face in ("front", "right", "back", "left", "up", "down"))
-FLAT_VIEWS = ("camera", "board", *FACES)
-VIEWS = ("camera", "board", "cylindrical", "equirectangular", *FACES)
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
 LEAST_SAID = 0.0005  # share outside of a view that is reported
 
-FLAT_HELP = """camera: along the optical axis. board: straight at the reference board. cube-front, -right, -back, -left,
--up, -down: a square face of a cube."""
-VIEW_HELP = FLAT_HELP + " cylindrical, equirectangular: all around, for lenses beyond 120 degrees."
+FLAT_VIEWS = {name: kind for name, kind in VIEWS.items() if kind.surface == "plane"}
 
 
-@dataclass(frozen=True, slots=True)
-class ViewChoice:
-    """The values of the options."""
+def straightener_of(camera: Path, wanted: ViewOptions, method: str) -> Straightener:
+    """The straightener from the camera in a file to the view ``wanted``; prints what that leaves out."""
+    from pinholify.io.camera_file import read_camera
+    from pinholify.rectification.straightener import Straightener
 
-    view: str
-    size: tuple[int, int] | None
-    turn: tuple[float, float, float]
-    fov: float | None
-    keep: str
-    max_std: float | None
-
-    def options(self) -> dict[str, Any]:
-        """The keyword arguments of ``Straightener`` and ``export_view``, all but the view's name."""
-        return {name: getattr(self, name) for name in ViewChoice.__slots__ if name != "view"}
-
-    def straightener(self, camera: Path, **more: Any) -> Straightener:
-        """The straightener from the camera in a file to this view; prints what it leaves out. ``more`` goes to it."""
-        from pinholify.io.camera_file import read_camera
-        from pinholify.rectification.straightener import Straightener
-
-        straightener = Straightener(read_camera(camera).camera, self.view, **self.options(), **more)
-        for sentence in self._left_out(straightener):
-            options.say(f"note: {sentence}")
-        return straightener
-
-    def _left_out(self, straightener: Straightener) -> list[str]:
-        """Sentences on what the view leaves out although the options did not ask for it."""
-        from pinholify.rectification.views import share_outside, shows_nothing
-
-        camera, view = straightener.camera, straightener.view
-        if self.view in FACES:
-            black = shows_nothing(camera, view, self.max_std)
-            return ["the camera sees nothing of this view: its pictures are black"] if black else []
-        if self.fov is not None or self.keep != "all":
-            return []
-        outside = share_outside(camera, view, self.max_std)
-        wider = "--fov, or --view cylindrical or equirectangular, shows more"
-        return [f"{100 * outside:.1f} % of the known part of the photograph lies outside the view; {wider}"] * (
-            outside >= LEAST_SAID
-        )
+    straightener = Straightener(read_camera(camera).camera, wanted, method)
+    for sentence in _left_out(straightener):
+        options.say(f"note: {sentence}")
+    return straightener
 
 
-def turn(text: str) -> tuple[float, float, float]:
+def _left_out(straightener: Straightener) -> list[str]:
+    """Sentences on what the view leaves out although the options did not ask for it."""
+    from pinholify.rectification.views import share_outside, shows_nothing
+
+    camera, view, wanted = straightener.camera, straightener.view, straightener.options
+    if VIEWS[wanted.name].face is not None:
+        black = shows_nothing(camera, view, wanted.max_std)
+        return ["the camera sees nothing of this view: its pictures are black"] if black else []
+    if wanted.fov is not None or wanted.keep != "all":
+        return []
+    outside = share_outside(camera, view, wanted.max_std)
+    wider = "--fov, or --view cylindrical or equirectangular, shows more"
+    return [f"{100 * outside:.1f} % of the known part of the photograph lies outside the view; {wider}"] * (
+        outside >= LEAST_SAID
+    )
+
+
+def turn(text: str) -> YawPitchRoll:
     """Parse a rotation such as 30,-10 or 0,0,90 as (yaw, pitch, roll) in degrees; raises BadParameter."""
     if re.fullmatch(rf"{NUMBER}(\s*,\s*{NUMBER}){{0,2}}", text.strip()) is None:
         raise click.BadParameter(f"invalid rotation '{text}': write YAW[,PITCH[,ROLL]] in degrees, e.g. 30,-10,0")
@@ -93,11 +75,10 @@ OPTIONS = (
     ),
     click.option(
         "--keep",
-        type=click.Choice(["all", "valid"]),
+        type=click.Choice(list(KEPT)),
         default="all",
         show_default=True,
-        help="all: what is known up to 65 degrees from the view's axis (70 if that takes in all corners); valid: the "
-        "largest picture without black.",
+        help=options.explained(KEPT),
     ),
     click.option(
         "--max-std",
@@ -108,35 +89,41 @@ OPTIONS = (
 
 
 def view_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add all view options; the command receives them as one argument ``choice``, a :class:`ViewChoice`."""
-    return _with_options(function, VIEWS, VIEW_HELP)
+    """Add all view options; the command receives them as one argument ``view``, a :class:`ViewOptions`."""
+    return _with_options(function, VIEWS)
 
 
 def flat_view_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the same options, limited to views that are pinhole cameras."""
-    return _with_options(function, FLAT_VIEWS, FLAT_HELP)
+    return _with_options(function, FLAT_VIEWS)
 
 
-def _with_options(function: Callable[..., Any], views: tuple[str, ...], view_help: str) -> Callable[..., Any]:
+def _with_options(function: Callable[..., Any], views: Mapping[str, ViewKind]) -> Callable[..., Any]:
     @functools.wraps(function)
     def wrapped(**given: Any) -> Any:
-        choice = ViewChoice(*(given.pop(name) for name in ViewChoice.__slots__))
-        return function(choice=choice, **given)
+        view = ViewOptions(**{field.name: given.pop(field.name) for field in fields(ViewOptions)})
+        return function(view=view, **given)
 
-    view = click.option(
-        "--view", type=click.Choice(views), default="camera", show_default=True, metavar="NAME", help=view_help
+    names = click.option(
+        "--view",
+        "name",
+        type=click.Choice(list(views)),
+        default="camera",
+        show_default=True,
+        metavar="NAME",
+        help=options.explained({name: kind.shows for name, kind in views.items()}),
     )
-    for option in reversed((view, *OPTIONS)):
+    for option in reversed((names, *OPTIONS)):
         wrapped = option(wrapped)
     return wrapped
 
 
 def view_json(straightener: Straightener) -> dict[str, Any]:
     """The JSON object of a view; its ``k`` (3, 3) takes coordinates on its ``surface`` to pixels."""
-    view = straightener.view
+    view, name = straightener.view, straightener.options.name
     return {
-        "name": straightener.view_name,
-        "surface": type(view.surface).__name__.lower(),
+        "name": name,
+        "surface": VIEWS[name].surface,
         "size": view.size,
         "k": view.matrix.tolist(),
         "rotation": view.rotation.tolist(),

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any
 
 from pinholify.camera import VirtualCamera, virtual
 from pinholify.errors import ImageError, InputError
 from pinholify.rectification.maps import Image, Sampler, rectification_map, sampler
+from pinholify.rectification.options import DEFAULT_VIEW, METHODS, ViewOptions
 from pinholify.rectification.splatting import Splatter, splatter
-from pinholify.rectification.views import STRAIGHT_ON, View, YawPitchRoll, named_view
-
-METHODS = ("remap", "splat")
+from pinholify.rectification.views import View, named_view
 
 LARGEST_SIDE = 32766
 """px; OpenCV does not resample larger images."""
@@ -19,38 +20,28 @@ MAX_PIXELS = 200_000_000
 """Larger results are refused: their maps alone would take gigabytes."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, eq=False)
 class Straightener:
-    """Converts images of ``camera`` to the view called ``view_name``.
+    """Converts images of ``camera`` to the view that ``options`` describe.
 
-    ``size`` (width, height) px of the result defaults to the image's. ``method`` is ``remap`` (backward, cubic) or
-    ``splat`` (the paper's, several times slower). ``max_std`` (px) replaces the camera's own limit of the standard
-    deviation of what is shown. ``turn``, ``fov`` and ``keep`` are those of
-    :func:`pinholify.rectification.views.named_view`. ``fixed_point`` maps, for video, take less memory and have a
-    resolution of 1/32 px. Raises InputError for an unknown name and a size that is too large, CalibrationError for a
-    view that shows nothing.
+    ``method`` is ``remap`` (backward, cubic) or ``splat`` (the paper's, several times slower). ``fixed_point`` maps,
+    for video, take less memory and have a resolution of 1/32 px. The map is built for the first image and kept.
+    Copies, also those sent to other processes, build their own. Raises InputError for an unknown method and a size
+    that is too large, CalibrationError for a view that shows nothing.
     """
 
     camera: VirtualCamera
-    view_name: str = "camera"
-    size: tuple[int, int] | None = None
+    options: ViewOptions = DEFAULT_VIEW
     method: str = "remap"
-    max_std: float | None = None
-    turn: YawPitchRoll = STRAIGHT_ON
-    fov: float | None = None
-    keep: str = "all"
     fixed_point: bool = False
     view: View = field(init=False)
-    _sampler: Sampler | Splatter | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"unknown method '{self.method}': choose one of {', '.join(METHODS)}")
-        if self.size is not None:
-            _check_size(self.size)
-        self.view = named_view(
-            virtual(self.camera), self.view_name, self.size, self.max_std, turn=self.turn, fov=self.fov, keep=self.keep
-        )
+        if self.options.size is not None:
+            _check_size(self.options.size)
+        object.__setattr__(self, "view", named_view(virtual(self.camera), self.options))
         _check_size(self.view.size)
 
     def __call__(self, image: Image) -> Image:
@@ -62,15 +53,17 @@ class Straightener:
                 f"{self.camera.image_size[0]}x{self.camera.image_size[1]}: give an image of that size, "
                 "or make the camera of this mode with 'pinholify mode'"
             )
-        if self._sampler is None:
-            self._sampler = self._made_sampler()
         return self._sampler(image)
 
-    def _made_sampler(self) -> Sampler | Splatter:
+    @cached_property
+    def _sampler(self) -> Sampler | Splatter:
         if self.method == "splat":
-            return splatter(self.camera, self.view, max_std=self.max_std)
-        rectification = rectification_map(self.camera, self.view, max_std=self.max_std)
+            return splatter(self.camera, self.view, max_std=self.options.max_std)
+        rectification = rectification_map(self.camera, self.view, max_std=self.options.max_std)
         return sampler(rectification, self.camera.image_size, fixed_point=self.fixed_point)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
 
 def _check_size(size: tuple[int, int]) -> None:

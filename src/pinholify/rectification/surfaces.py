@@ -37,7 +37,7 @@ class Surface(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Plane:
+class FlatSurface:
     """(x/z, y/z): straight lines stay straight."""
 
     widest_fov = 170.0
@@ -60,7 +60,7 @@ class Plane:
 
 
 @dataclass(frozen=True, slots=True)
-class Cylinder:
+class CylindricalSurface:
     """(azimuth in radians, height ÷ radius) about the y axis: vertical lines stay straight, all around."""
 
     widest_fov = 360.0
@@ -86,7 +86,7 @@ class Cylinder:
 
 
 @dataclass(frozen=True, slots=True)
-class Sphere:
+class SphericalSurface:
     """(azimuth, angle below the horizon) in radians: the equirectangular projection, which holds every direction."""
 
     widest_fov = 360.0
@@ -110,3 +110,10 @@ class Sphere:
     def steepness(self, xyz: Floats) -> Floats:
         """Zeros (n,): the projection is bounded."""
         return np.zeros(len(xyz))
+
+
+SURFACES: dict[str, Surface] = {
+    "plane": FlatSurface(),
+    "cylinder": CylindricalSurface(),
+    "sphere": SphericalSurface(),
+}

@@ -12,30 +12,11 @@ from pinholify.camera import VirtualCamera
 from pinholify.errors import CalibrationError, InputError
 from pinholify.expansion import expand
 from pinholify.geometry import homogeneous
+from pinholify.rectification.options import DEFAULT_VIEW, VIEWS, ViewOptions, YawPitchRoll
 from pinholify.rectification.rectangle import largest_rectangle
-from pinholify.rectification.surfaces import Cylinder, Plane, Sphere, Surface
+from pinholify.rectification.surfaces import SURFACES, FlatSurface, Surface
 from pinholify.rectification.valid_region import valid_directions, valid_pixels
 
-YawPitchRoll = tuple[float, float, float]
-"""Yaw to the right, pitch upwards and roll clockwise, in degrees, applied in this order."""
-
-CUBE: dict[str, YawPitchRoll] = {
-    "cube-front": (0.0, 0.0, 0.0),
-    "cube-right": (90.0, 0.0, 0.0),
-    "cube-back": (180.0, 0.0, 0.0),
-    "cube-left": (-90.0, 0.0, 0.0),
-    "cube-up": (0.0, 90.0, 0.0),
-    "cube-down": (0.0, -90.0, 0.0),
-}
-SURFACES: dict[str, Surface] = {
-    "camera": Plane(),
-    "board": Plane(),
-    "cylindrical": Cylinder(),
-    "equirectangular": Sphere(),
-}
-VIEWS = (*SURFACES, *CUBE)
-KEPT = ("all", "valid")
-STRAIGHT_ON: YawPitchRoll = (0.0, 0.0, 0.0)
 STEEPEST_RAD = np.deg2rad(65.0)  # from its axis, or from the horizon, up to which a fitted view shows all valid pixels
 STEEPEST_CORNER_RAD = np.deg2rad(70.0)  # up to which it is extended if that includes all corners of the calibration
 LOOKS_AWAY = "the view looks away from everything the camera sees; choose another view"
@@ -52,7 +33,7 @@ class View:
     matrix: Floats
     rotation: Floats
     size: tuple[int, int]
-    surface: Surface = field(default_factory=Plane)
+    surface: Surface = field(default_factory=FlatSurface)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "matrix", frozen(self.matrix, (3, 3)))
@@ -69,47 +50,24 @@ class View:
         return np.asarray(homogeneous(q) @ self.matrix[:2].T)
 
 
-def named_view(
-    camera: VirtualCamera,
-    name: str,
-    size: tuple[int, int] | None,
-    max_std: float | None,
-    *,
-    turn: YawPitchRoll = STRAIGHT_ON,
-    fov: float | None = None,
-    keep: str = "all",
-) -> View:
-    """The view called ``name``; ``max_std`` as for :func:`source_mask`.
+def named_view(camera: VirtualCamera, options: ViewOptions = DEFAULT_VIEW) -> View:
+    """The view of ``camera`` that ``options`` describe.
 
-    ``camera`` looks along the optical axis and ``board`` straight at the reference board, both as pinhole cameras;
-    ``cylindrical`` and ``equirectangular`` look along the axis and all around; ``cube-front``, ``-right``, ``-back``,
-    ``-left``, ``-up`` and ``-down`` are the faces of a cube, 90° wide and square.
-
-    ``turn`` rotates the view from there. ``fov`` is its horizontal field of view in degrees, centred in the image;
-    without it the view is fitted to the valid pixels: ``keep="all"`` shows all of them within the limits of
-    :func:`fitted_view`, ``keep="valid"`` gives the largest view without black pixels (OpenCV's alpha of 1 and 0).
-    ``size`` (width, height) px defaults to the image's.
-
-    Raises InputError for an unknown or impossible view, CalibrationError for one that shows nothing. Faces of a cube
+    Raises InputError for an impossible field of view, CalibrationError for a view that shows nothing. Faces of a cube
     may be black, because a cube needs all six.
     """
-    if name not in VIEWS:
-        raise InputError(f"unknown view '{name}': choose one of {', '.join(VIEWS)}")
-    if keep not in KEPT:
-        raise InputError(f"unknown value '{keep}' of keep: choose one of {', '.join(KEPT)}")
-    if fov is not None and keep != "all":
-        raise InputError("a field of view and what to keep cannot both be given; choose one of the two")
-    if name in CUBE:
-        return _cube_face(camera, name, size, turn, given=fov is not None or keep != "all")
-    surface = SURFACES[name]
-    rotation = _turned(np.eye(3) if name == "board" else optical_rotation(camera), turn)
-    if fov is not None:
-        view = view_of_width(rotation, size or camera.image_size, fov, surface)
-        if shows_nothing(camera, view, max_std):
+    kind = VIEWS[options.name]
+    if kind.face is not None:
+        return _cube_face(camera, options, kind.face)
+    surface = SURFACES[kind.surface]
+    rotation = _turned(np.eye(3) if options.name == "board" else optical_rotation(camera), options.turn)
+    if options.fov is not None:
+        view = view_of_width(rotation, options.size or camera.image_size, options.fov, surface)
+        if shows_nothing(camera, view, options.max_std):
             raise CalibrationError(LOOKS_AWAY)
         return view
-    view = fitted_view(camera, rotation, size, max_std, surface)
-    return _without_black(camera, view, max_std) if keep == "valid" else view
+    view = fitted_view(camera, rotation, options.size, options.max_std, surface)
+    return _without_black(camera, view, options.max_std) if options.keep == "valid" else view
 
 
 def optical_rotation(camera: VirtualCamera) -> Floats:
@@ -139,23 +97,11 @@ def _turned(rotation: Floats, turn: YawPitchRoll) -> Floats:
     return np.asarray(Rotation.from_euler("YXZ", turn, degrees=True).as_matrix().T @ rotation)
 
 
-def _cube_face(
-    camera: VirtualCamera, name: str, size: tuple[int, int] | None, turn: YawPitchRoll, *, given: bool
-) -> View:
-    """A face of a cube; without a ``size`` it has the resolution of the image's centre."""
-    if given:
-        raise InputError(
-            f"the view '{name}' is the face of a cube, always 90 degrees wide; give neither a field of view nor what "
-            "to keep"
-        )
-    if size is None:
-        side = max(1, round(2.0 / float(np.linalg.norm(_optical_axis(camera)[1]))))
-        size = (side, side)
-    if size[0] != size[1]:
-        raise InputError(
-            f"the view '{name}' is the face of a cube, but {size[0]}x{size[1]} was requested; give a square size"
-        )
-    return view_of_width(_turned(_turned(optical_rotation(camera), turn), CUBE[name]), size, 90.0, Plane())
+def _cube_face(camera: VirtualCamera, options: ViewOptions, face: YawPitchRoll) -> View:
+    """A face of a cube; without a size it has the resolution of the image's centre."""
+    side = max(1, round(2.0 / float(np.linalg.norm(_optical_axis(camera)[1]))))
+    rotation = _turned(_turned(optical_rotation(camera), options.turn), face)
+    return view_of_width(rotation, options.size or (side, side), 90.0, FlatSurface())
 
 
 def view_of_width(rotation: Floats, size: tuple[int, int], fov: float, surface: Surface) -> View:
@@ -184,7 +130,7 @@ def fitted_view(
     (width, height) px defaults to the image's, ``surface`` to a plane. Raises CalibrationError if the view shows
     nothing.
     """
-    surface = surface or Plane()
+    surface = surface or FlatSurface()
     width, height = size or camera.image_size
     seen = _known_directions(camera, max_std) @ rotation.T
     seen = seen[surface.steepness(seen) <= _reach(camera, rotation, surface)]

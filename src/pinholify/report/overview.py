@@ -116,7 +116,7 @@ def intrinsics_of(evaluation: Evaluation) -> Intrinsics:
     calibration = evaluation.calibration
     camera = calibration.camera
     k = camera.intrinsics
-    view = named_view(camera, "camera", None, None)
+    view = named_view(camera)
     lengths = zip(("f", "uc", "vc"), (k.f, k.uc, k.vc), calibration.intrinsics_std, strict=True)
     return Intrinsics(
         tuple(Length(name, value, float(std)) for name, value, std in lengths),

@@ -19,6 +19,7 @@ from pinholify.evaluation.wrong_corners import wrong_corners
 from pinholify.geometry import convex_hull
 from pinholify.io.images import Image, read_image
 from pinholify.rectification.maps import RectificationMap, rectification_map, remap
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.views import View, named_view
 
 THUMBNAIL, SMALLEST_THUMBNAIL = 480, 160  # px wide
@@ -161,7 +162,7 @@ class _Framer:
             width, height = self.camera.image_size
             scale = min(1.0, OVERSAMPLED * FRAME / width)
             size = (round(width * scale), round(height * scale))
-            self._map = rectification_map(self.camera, named_view(self.camera, "camera", size, None))
+            self._map = rectification_map(self.camera, named_view(self.camera, ViewOptions(size=size)))
         return self._map
 
     def frame(self, image: Image, view: Corners) -> Frame:

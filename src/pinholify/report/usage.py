@@ -45,7 +45,7 @@ import cv2
 import pinholify
 
 camera = pinholify.read_camera({file}).camera
-view = pinholify.named_view(camera, "camera", None, None)
+view = pinholify.named_view(camera)
 uv = pinholify.rectification_map(camera, view).uv
 
 straight = cv2.remap(cv2.imread("photo.jpg"), uv, None, cv2.INTER_CUBIC)

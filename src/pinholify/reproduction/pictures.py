@@ -12,6 +12,7 @@ from pinholify.evaluation.baseline import BoardPoints, OpenCVCamera, fit_opencv
 from pinholify.evaluation.heldout import by_size
 from pinholify.io.images import read_image
 from pinholify.rectification.maps import Image
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 from pinholify.reproduction.chain import Reproduced
 
@@ -38,8 +39,8 @@ def picture_row(result: Reproduced) -> Row:
     name = example_board(result)
     files = {path.name: path for path in result.files}
     photograph = read_image(files[name])
-    splat = Straightener(result.paper.evaluation.calibration.camera, "board", method="splat")
-    remap = Straightener(result.ours.evaluation.calibration.camera, "camera", max_std=SHOWN_STD)
+    splat = Straightener(result.paper.evaluation.calibration.camera, ViewOptions("board"), method="splat")
+    remap = Straightener(result.ours.evaluation.calibration.camera, ViewOptions(max_std=SHOWN_STD))
     camera = fit_opencv("opencv5", _boards(result), result.corner_set.image_size)
     return Row(
         _reduced(photograph),

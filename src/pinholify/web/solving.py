@@ -25,6 +25,7 @@ from pinholify.io.files import atomic_path, make_folder
 from pinholify.io.images import decode_image, read_bytes, write_image
 from pinholify.pipeline import FEWEST_FOR_JOINT, calibrate, recalibrate
 from pinholify.rectification.maps import RectificationMap, rectification_map, remap
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.views import View, named_view
 from pinholify.report.overview import angles_across
 from pinholify.report.pictures import eight_bits
@@ -212,7 +213,7 @@ def write_map(path: Path, camera: VirtualCamera) -> None:
     """Write the rectification map for the straightened pictures of pages to ``path``."""
     width, height = camera.image_size
     scale = min(1.0, PREVIEW_SIDE / max(width, height))
-    view = named_view(camera, "camera", (max(2, round(width * scale)), max(2, round(height * scale))), None)
+    view = named_view(camera, ViewOptions(size=(max(2, round(width * scale)), max(2, round(height * scale)))))
     made = rectification_map(camera, view)
     with atomic_path(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, uv=made.uv, valid=made.valid, matrix=view.matrix, rotation=view.rotation)

@@ -25,6 +25,7 @@ from pinholify.io.export.mrcal_splined import COLUMNS, splined_model
 from pinholify.io.importing.adoption import adopt
 from pinholify.io.importing.base import ForeignCamera
 from pinholify.io.importing.projections import splined_stereographic
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 from pinholify.rectification.valid_region import valid_pixels
 from pinholify.simulation.lenses import LENSES
@@ -43,7 +44,7 @@ def tilted_camera():
 
 @pytest.fixture(scope="module")
 def export(tilted_camera) -> PinholeExport:
-    return pinhole_export(tilted_camera, "camera", size=SIZE)
+    return pinhole_export(tilted_camera, ViewOptions(size=SIZE))
 
 
 @pytest.fixture(scope="module")
@@ -219,7 +220,7 @@ def test_mrcal_splined_says_what_it_is(written, export):
 
 def test_a_size_is_refused_for_the_camera_itself(tilted_camera, tmp_path):
     with pytest.raises(InputError, match="omit size, fov and keep"):
-        export_view(tilted_camera, "mrcal-splined", tmp_path / "a.cameramodel", size=SIZE)
+        export_view(tilted_camera, "mrcal-splined", tmp_path / "a.cameramodel", ViewOptions(size=SIZE))
     assert not list(tmp_path.iterdir())
 
 
@@ -278,7 +279,7 @@ def test_opencv_maps(written, export, picture, suffix):
     assert map_x.dtype == map_y.dtype == np.float32
     assert_maps_are_the_cameras(export, np.stack([map_x, map_y], axis=-1))
     remapped = cv2.remap(picture, map_x, map_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT)
-    straight = Straightener(export.camera, "camera", size=SIZE)(picture)
+    straight = Straightener(export.camera, ViewOptions(size=SIZE))(picture)
     valid = export.rectification.valid
     assert not remapped[~valid].any()
     inner = cv2.erode(valid.astype(np.uint8), np.ones((5, 5)), borderValue=0).astype(bool)
@@ -344,7 +345,7 @@ def test_texts_state_their_view(written, name):
 
 
 def test_a_limit_of_the_std_is_stated_and_kept(tilted_camera):
-    export = pinhole_export(tilted_camera, "board", size=(96, 72), max_std=0.5)
+    export = pinhole_export(tilted_camera, ViewOptions("board", size=(96, 72), max_std=0.5))
     assert "--view board --size 96x72 --max-std 0.5 -o" in " ".join(export.statement)
     np.testing.assert_array_equal(export.view.rotation, np.eye(3))
     y, x = np.nonzero(export.rectification.valid)
@@ -353,7 +354,7 @@ def test_a_limit_of_the_std_is_stated_and_kept(tilted_camera):
 
 
 def test_losses_are_told(tilted_camera, export, tmp_path):
-    lost = export_view(tilted_camera, "ros", tmp_path / "a.yaml", "camera", size=SIZE)
+    lost = export_view(tilted_camera, "ros", tmp_path / "a.yaml", ViewOptions(size=SIZE))
     share = 1.0 - export.rectification.valid.mean()
     assert lost[0] == f"{100 * share:.1f} % of the view shows nothing that can be trusted and is black in its images"
     assert "cannot hold the maps" in lost[-1]

@@ -16,6 +16,7 @@ from pinholify.io.export.base import export_view, pinhole_export
 from pinholify.io.importing import read_foreign
 from pinholify.io.importing.adoption import adopt
 from pinholify.io.importing.base import ForeignCamera
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 from pinholify.refinement.comparison import compare
 from pinholify.simulation.lenses import LENSES
@@ -81,8 +82,8 @@ def test_a_camera_file_keeps_it(imported, tmp_path):
 def test_it_straightens_as_opencv_does(imported):
     """Our map of a view of theirs is OpenCV's own for the same matrix."""
     camera = imported(OPENCV).calibration.camera
-    straightener = Straightener(camera, "board", (320, 240))
-    export = pinhole_export(camera, "board", size=(320, 240))
+    straightener = Straightener(camera, ViewOptions("board", size=(320, 240)))
+    export = pinhole_export(camera, ViewOptions("board", size=(320, 240)))
     theirs = cv2.initUndistortRectifyMap(
         MATRIX, np.array(DISTORTION), np.eye(3), export.view.matrix, (320, 240), cv2.CV_32FC2
     )[0]
@@ -97,8 +98,8 @@ def test_what_we_export_comes_back(name, tmp_path):
     """A view's own camera is the ideal pinhole that was exported."""
     suffix = ".cameramodel" if name == "mrcal" else ".yaml"
     calibration = tilted_calibration()
-    export_view(calibration.camera, name, tmp_path / f"a{suffix}", size=(320, 240))
-    view = pinhole_export(calibration.camera, size=(320, 240)).view
+    export_view(calibration.camera, name, tmp_path / f"a{suffix}", ViewOptions(size=(320, 240)))
+    view = pinhole_export(calibration.camera, ViewOptions(size=(320, 240))).view
     camera = adopt(read_foreign(tmp_path / f"a{suffix}")).calibration.camera
     uv = PIXELS / 2.0
     rays = camera.to_rays(uv).directions @ view.rotation

@@ -15,6 +15,7 @@ from pinholify.io.importing import read_foreign
 from pinholify.io.importing.adoption import WORST, adopt
 from pinholify.modes import cropped
 from pinholify.rectification.maps import rectification_map
+from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 from pinholify.refinement.comparison import compare
 
@@ -152,14 +153,14 @@ def test_pictures_show_nothing_there(lens, camera, max_std):
     height, width = SIZE[1], SIZE[0]
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(float)
     seen = np.isfinite(lens[1](pixels)).all(axis=1).reshape(height, width)
-    picture = Straightener(camera, "camera", max_std=max_std)(np.where(seen, 255, 100).astype(np.uint8))
+    picture = Straightener(camera, ViewOptions(max_std=max_std))(np.where(seen, 255, 100).astype(np.uint8))
     inner = cv2.erode(picture, np.ones((5, 5), np.uint8))  # at the end cubic interpolation mixes what lies beyond
     assert inner[inner > 0].min() > 240
     assert (picture > 240).mean() > 0.3
 
 
 def test_maps_and_exports_leave_it_out(lens, camera, tmp_path):
-    straightener = Straightener(camera, "camera")
+    straightener = Straightener(camera)
     rectification = rectification_map(camera, straightener.view)
     uv = rectification.uv[rectification.valid].astype(float)
     inside = np.clip(uv, 0, np.array(SIZE) - 1)

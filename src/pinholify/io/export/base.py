@@ -15,9 +15,10 @@ from pinholify.camera import VirtualCamera
 from pinholify.errors import InputError, OutputError
 from pinholify.io.export import format_named
 from pinholify.rectification.maps import RectificationMap, rectification_map
+from pinholify.rectification.options import DEFAULT_VIEW, STRAIGHT_ON, ViewOptions
 from pinholify.rectification.straightener import Straightener
-from pinholify.rectification.surfaces import Plane
-from pinholify.rectification.views import STRAIGHT_ON, View, YawPitchRoll, share_outside
+from pinholify.rectification.surfaces import FlatSurface
+from pinholify.rectification.views import View, share_outside
 
 OUTSIDE = -1.0
 """px; the value in other programs' maps for pixels of the view that show nothing that can be trusted."""
@@ -25,19 +26,11 @@ OUTSIDE = -1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PinholeExport:
-    """An ideal pinhole view of a camera, and the maps that make its images.
-
-    ``view_name``, ``turn``, ``fov``, ``keep`` and ``max_std`` are the options with which ``pinholify undistort`` makes
-    the same images.
-    """
+    """An ideal pinhole view of a camera, what was asked of it, and the maps that make its images."""
 
     camera: VirtualCamera
-    view_name: str
-    max_std: float | None
+    options: ViewOptions
     rectification: RectificationMap
-    turn: YawPitchRoll = STRAIGHT_ON
-    fov: float | None = None
-    keep: str = "all"
 
     @property
     def view(self) -> View:
@@ -60,31 +53,31 @@ class PinholeExport:
     def statement(self) -> tuple[str, ...]:
         """Lines for a comment, plain ASCII without apostrophes, on which view this is and how to make its images."""
         return (
-            f'The ideal pinhole view "{self.view_name}" of a camera calibrated by pinholify: no distortion.',
+            f'The ideal pinhole view "{self.options.name}" of a camera calibrated by pinholify: no distortion.',
             "It describes straightened images, not those that the camera takes; make them with: pinholify undistort "
-            f"CAMERA IMAGES {self.options} -o FOLDER",
+            f"CAMERA IMAGES {self.words} -o FOLDER",
             f"Rotation to the view from the frame of the reference board, row by row: {numbers(self.view.rotation)}",
         )
 
     @property
-    def options(self) -> str:
-        """The view as options of ``pinholify undistort``."""
-        width, height = self.view.size
-        words = [f"--view {self.view_name} --size {width}x{height}"]
-        if self.turn != STRAIGHT_ON:
-            words.append("--turn " + ",".join(np.format_float_positional(angle, trim="-") for angle in self.turn))
-        if self.fov is not None:
-            words.append(f"--fov {self.fov!r}")
-        if self.keep != "all":
-            words.append(f"--keep {self.keep}")
-        if self.max_std is not None:
-            words.append(f"--max-std {self.max_std!r}")
+    def words(self) -> str:
+        """The options of ``pinholify undistort`` that make the same images."""
+        (width, height), options = self.view.size, self.options
+        words = [f"--view {options.name} --size {width}x{height}"]
+        if options.turn != STRAIGHT_ON:
+            words.append("--turn " + ",".join(np.format_float_positional(angle, trim="-") for angle in options.turn))
+        if options.fov is not None:
+            words.append(f"--fov {options.fov!r}")
+        if options.keep != "all":
+            words.append(f"--keep {options.keep}")
+        if options.max_std is not None:
+            words.append(f"--max-std {options.max_std!r}")
         return " ".join(words)
 
     def losses(self) -> list[str]:
         """Sentences on what the view leaves out; empty if it shows everything that can be trusted."""
         empty = 1.0 - float(self.rectification.valid.mean())
-        unseen = share_outside(self.camera, self.view, self.max_std)
+        unseen = share_outside(self.camera, self.view, self.options.max_std)
         sentences = []
         if empty >= 0.0005:
             black = "shows nothing that can be trusted and is black in its images"
@@ -94,26 +87,18 @@ class PinholeExport:
         return sentences
 
 
-def pinhole_export(
-    camera: VirtualCamera,
-    view_name: str = "camera",
-    *,
-    size: tuple[int, int] | None = None,
-    max_std: float | None = None,
-    turn: YawPitchRoll = STRAIGHT_ON,
-    fov: float | None = None,
-    keep: str = "all",
-) -> PinholeExport:
-    """The flat view of ``camera`` called ``view_name``, ready for any format.
+def pinhole_export(camera: VirtualCamera, options: ViewOptions = DEFAULT_VIEW) -> PinholeExport:
+    """The flat view of ``camera`` that ``options`` describe, ready for any format.
 
-    Options are those of :class:`pinholify.rectification.straightener.Straightener`. Raises InputError for a view that
-    is unknown or not flat, or a size that is too large, and CalibrationError for a view that shows nothing.
+    Raises InputError for a view that is not flat, or a size that is too large, and CalibrationError for a view that
+    shows nothing.
     """
-    view = Straightener(camera, view_name, size, max_std=max_std, turn=turn, fov=fov, keep=keep).view
-    if not isinstance(view.surface, Plane):
-        raise InputError(f"the view '{view_name}' is not a pinhole camera and cannot be exported; choose a flat view")
-    rectification = rectification_map(camera, view, max_std=max_std)
-    return PinholeExport(camera, view_name, max_std, rectification, turn, fov, keep)
+    view = Straightener(camera, options).view
+    if not isinstance(view.surface, FlatSurface):
+        raise InputError(
+            f"the view '{options.name}' is not a pinhole camera and cannot be exported; choose a flat view"
+        )
+    return PinholeExport(camera, options, rectification_map(camera, view, max_std=options.max_std))
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,29 +127,18 @@ class Format:
 
 
 def export_view(
-    camera: VirtualCamera,
-    format_name: str,
-    path: str | os.PathLike[str],
-    view_name: str = "camera",
-    *,
-    size: tuple[int, int] | None = None,
-    max_std: float | None = None,
-    turn: YawPitchRoll = STRAIGHT_ON,
-    fov: float | None = None,
-    keep: str = "all",
+    camera: VirtualCamera, format_name: str, path: str | os.PathLike[str], options: ViewOptions = DEFAULT_VIEW
 ) -> list[str]:
-    """Write the view of ``camera`` called ``view_name`` to ``path`` in the format called ``format_name``.
+    """Write the view of ``camera`` that ``options`` describe to ``path`` in the format called ``format_name``.
 
-    Options are those of :func:`pinhole_export`. Existing files are replaced. Returns one sentence for each thing that
-    the view or the format leaves out. Raises InputError, CalibrationError, or OutputError if a file cannot be written.
+    Existing files are replaced. Returns one sentence for each thing that the view or the format leaves out. Raises
+    InputError, CalibrationError, or OutputError if a file cannot be written.
     """
     form = format_named(format_name)
     form.check_path(Path(path))
-    if not form.of_view and not (size is None and fov is None and keep == "all"):
-        raise InputError(
-            f"'{format_name}' describes the camera's own images as a whole; omit size, fov and keep"
-        )
-    export = pinhole_export(camera, view_name, size=size, max_std=max_std, turn=turn, fov=fov, keep=keep)
+    if not form.of_view and not (options.size is None and options.fov is None and options.keep == "all"):
+        raise InputError(f"'{format_name}' describes the camera's own images as a whole; omit size, fov and keep")
+    export = pinhole_export(camera, options)
     found = form.write(export, Path(path)) or []
     return [*found, *(export.losses() if form.of_view else []), *([form.lost] if form.lost else [])]
 

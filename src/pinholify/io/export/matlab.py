@@ -31,7 +31,7 @@ def write(export: PinholeExport, path: Path) -> None:
         "ImageSize": [float(height), float(width)],
         "RadialDistortion": [0.0, 0.0],
         "TangentialDistortion": [0.0, 0.0],
-        "view": export.view_name,
+        "view": export.options.name,
         "rotation": export.view.rotation,
         "statement": "\n".join(export.statement),
         "map_x": uv[:, :, 0],

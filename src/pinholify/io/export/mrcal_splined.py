@@ -126,7 +126,7 @@ def _border(export: PinholeExport) -> Floats:
 def _directions(export: PinholeExport, uv: Floats) -> Floats:
     """Directions (n, 3), in the view's frame, of pixels; nan where they cannot be trusted, and straight behind."""
     camera, directions = export.camera, np.full((len(uv), 3), np.nan)
-    known = valid_pixels(camera, uv, export.max_std)
+    known = valid_pixels(camera, uv, export.options.max_std)
     directions[known] = camera.chart.directions(camera.plane_map.value(uv[known])) @ export.view.rotation.T
     directions[~(directions[:, 2] > WIDEST)] = np.nan
     return directions

@@ -22,7 +22,7 @@ def write(export: PinholeExport, path: Path) -> None:
         "image_height": height,
         "camera_matrix": np.array(export.view.matrix),
         "distortion_coefficients": np.zeros((1, 5)),
-        "view": export.view_name,
+        "view": export.options.name,
         "rotation": np.array(export.view.rotation),
         "statement": "\n".join(export.statement),
     }

@@ -21,7 +21,7 @@ def write(export: PinholeExport, path: Path) -> None:
     matrix = export.view.matrix
     parts = [
         commented(export.statement),
-        f"image_width: {width}\nimage_height: {height}\ncamera_name: pinholify_{export.view_name}\n",
+        f"image_width: {width}\nimage_height: {height}\ncamera_name: pinholify_{export.options.name}\n",
         _matrix("camera_matrix", matrix),
         "distortion_model: plumb_bob\n",
         _matrix("distortion_coefficients", np.zeros((1, 5))),
