@@ -29,7 +29,7 @@ from pinholify.errors import CameraFileError, PinholifyError
 from pinholify.io.files import atomic_path
 
 FORMAT = "pinholify-camera"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 1
 MAX_BYTES = 1 << 30
 
 HOMES = {
@@ -78,7 +78,11 @@ def write_camera(path: str | os.PathLike[str], calibration: Calibration) -> None
     header = {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
-        "units": {"image": "px, integer = pixel centre", "virtual": "squares", "square_mm": calibration.square_mm},
+        "units": {
+            "image": "px, integer = pixel centre",
+            "virtual": calibration.unit,
+            "square_mm": calibration.square_mm,
+        },
         "board": calibration.corner_set.board.spec,
         "handedness": "mirrored" if calibration.camera.mirrored else "right-handed as seen in the image",
         "provenance": {
@@ -106,24 +110,19 @@ def read_camera(path: str | os.PathLike[str]) -> Calibration:
             f"'{name}' has camera format {version} and this pinholify reads up to {FORMAT_VERSION}: upgrade pinholify"
         )
     try:
-        return _checked(_decode(_upgraded(header["calibration"], version), arrays))
+        return _checked(_decode(header["calibration"], arrays), header)
     except Exception as error:  # a damaged file can raise anything
         raise CameraFileError(
             f"'{name}' is damaged ({type(error).__name__}: {error}); calibrate again or fetch the file again"
         ) from None
 
 
-def _upgraded(calibration: Any, version: int) -> Any:
-    """Convert the header's object to the current version. In version 1 the camera's K was the closed form."""
-    if version < 2:
-        calibration["fields"].pop("refined", None)
-    return calibration
-
-
-def _checked(calibration: Any) -> Calibration:
-    """Return ``calibration`` after a trial of its camera; raises any error if it or its parts are wrong."""
+def _checked(calibration: Any, header: dict[str, Any]) -> Calibration:
+    """Return ``calibration`` after a trial of its camera; raises any error if it, its parts or its unit are wrong."""
     if not isinstance(calibration, Calibration):
         raise TypeError(f"a {type(calibration).__name__} where a calibration is needed")
+    if header["units"]["virtual"] != calibration.unit:
+        raise ValueError(f"its unit is {header['units']['virtual']} where {calibration.unit} is needed")
     hull = calibration.camera.domain.hull.vertices
     if not np.isfinite(calibration.camera.to_rays(hull).directions).all():
         raise ValueError("the camera sees nothing")
@@ -182,6 +181,8 @@ def _encode(value: Any, path: str, arrays: dict[str, Any]) -> Any:
         return _encode_corners(value, path, arrays)
     kind = type(value).__name__
     if kind in HOMES:
+        if type(value) is not type_named(kind):
+            raise TypeError(f"the {kind} of {type(value).__module__} cannot be kept: HOMES has another of this name")
         names = [field.name for field in dataclasses.fields(value)]
         return {"type": kind, "fields": {n: _encode(getattr(value, n), f"{path}.{n}", arrays) for n in names}}
     if isinstance(value, dict):

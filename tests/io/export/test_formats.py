@@ -199,7 +199,7 @@ def test_the_largest_error_that_a_spline_tells_holds_at_every_pixel(export, colu
     uv = np.stack(np.meshgrid(*(np.linspace(-0.5, n - 0.51, 2 * n // 3) for n in size)), axis=-1).reshape(-1, 2)
     for chosen in (export, replace(export, camera=replace(camera, domain=replace(camera.domain, max_std=1.0)))):
         model = splined_model(chosen)
-        seen = uv[valid_pixels(chosen.camera, uv, chosen.max_std)]
+        seen = uv[valid_pixels(chosen.camera, uv, chosen.options.max_std)]
         directions = camera.to_rays(seen).directions @ export.view.rotation.T
         errors = np.linalg.norm(splined_stereographic(model.core, model.surface)(directions) - seen, axis=1)
         assert errors.max() <= 1.0001 * model.largest_px + 1e-7  # px, where the map itself is rounded
@@ -365,7 +365,7 @@ def test_a_view_too_narrow_for_all_says_so(export):
     view = export.view
     left_half = type(view)(view.matrix, view.rotation, (SIZE[0] // 2, SIZE[1]))
     cut = type(export.rectification)(left_half, export.rectification.uv[:, : SIZE[0] // 2], export.rectification.valid)
-    sentences = type(export)(export.camera, "camera", None, cut).losses()
+    sentences = replace(export, rectification=cut).losses()
     assert len(export.losses()) == 1
     assert sentences[-1].endswith("of the trusted part of the original image lies outside the view")
     assert 35.0 < float(sentences[-1].split("%")[0]) < 65.0
