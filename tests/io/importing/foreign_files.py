@@ -68,6 +68,20 @@ projection_matrix:
   data: [400, 0, 320, 0, 0, 400, 240, 0, 0, 0, 1, 0]
 """
 
+ROS_FLOW = f"""image_width: {SIZE[0]}
+image_height: {SIZE[1]}
+camera_name: narrow_stereo/left
+camera_matrix: {{rows: 3, cols: 3, data: [{FX}, 0, {CX},
+    0, {FY}, {CY}, 0, 0, 1]}}
+distortion_model: plumb_bob
+distortion_coefficients: {{cols: 5, data: [{", ".join(map(repr, DISTORTION))}], rows: 1}}
+rectification_matrix: {{"rows": 3, "cols": 3, "data": [1, 0, 0, 0, 1, 0, 0, 0, 1]}}
+projection_matrix: {{
+  rows: 3, cols: 4,
+  data: [400, 0, 320, 0, 0, 400, 240, 0, 0, 0, 1, 0],
+}}
+"""
+
 MRCAL = f"""# generated on 2026-11-22 09:00:00 with   mrcal-calibrate-cameras
 {{
     'lensmodel':  'LENSMODEL_OPENCV5',
@@ -112,6 +126,7 @@ FILES = {
     "opencv.yaml": OPENCV,
     "opencv.xml": OPENCV_XML,
     "ros.yaml": ROS,
+    "ros_flow.yaml": ROS_FLOW,
     "mrcal.cameramodel": MRCAL,
     "kalibr.yaml": KALIBR,
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import cv2
 import numpy as np
 import pytest
@@ -77,6 +79,8 @@ def test_a_camera_file_keeps_it(imported, tmp_path):
     )
     assert read.details == calibration.details
     assert not read.corner_set.views
+    with np.load(tmp_path / "camera.npz") as archive:
+        assert json.loads(archive["header"].tobytes())["units"]["virtual"] == read.unit == "px"
 
 
 def test_it_straightens_as_opencv_does(imported):
@@ -246,13 +250,13 @@ BROKEN = {
     "a list": ("- 1\n- 2\n", "not a camera of another program"),
     "no intrinsics": ("{'lensmodel': 'LENSMODEL_PINHOLE', 'imagersize': [6, 4]}", "it has no intrinsics"),
     "few intrinsics": ("{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [1.0]}", "1 intrinsics where 4 or more"),
-    "texts": ("{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': ['a', 'b']}", "intrinsics are not numbers"),
+    "texts": ("{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': ['a', 'b']}", "not all of its intrinsics are numbers"),
     "cahvore": (changed(MRCAL, "OPENCV5", "CAHVORE_linearity=0.3"), "model CAHVORE_linearity=0.3 is not supported"),
     "too many": (changed(MRCAL, "OPENCV5", "OPENCV4"), "5 distortion coefficients where 4 are needed"),
     "knots": (changed(MRCAL, "OPENCV5", "SPLINED_STEREOGRAPHIC_order=3_Nx=9_Ny=9_fov_x_deg=90"), "where 162 are"),
     "wide": (changed(MRCAL, "OPENCV5", "SPLINED_STEREOGRAPHIC_order=3_Nx=9_Ny=9_fov_x_deg=400"), "are not valid"),
-    "infinite": (changed(ROS, "420.0, 0, 325.4", ".inf, 0, 325.4"), "numbers in its matrix are not numbers"),
-    "overflow": (changed(ROS, "420.0, 0, 325.4", "1e999, 0, 325.4"), "not all of its numbers in its matrix are finite"),
+    "infinite": (changed(ROS, "420.0, 0, 325.4", ".inf, 0, 325.4"), "not all of its matrix entries are numbers"),
+    "overflow": (changed(ROS, "420.0, 0, 325.4", "1e999, 0, 325.4"), "not all of its matrix entries are finite"),
     "more columns": (changed(ROS, "cols: 5", "cols: 9"), "a matrix of 1x9 has 5 numbers"),
     "fewer rows": (changed(OPENCV, "rows: 5", "rows: 4"), "a matrix of 4x1 has 5 numbers"),
     "skew": (changed(ROS, "420.0, 0, 325.4", "420.0, 3, 325.4"), "not that of a camera without skew"),

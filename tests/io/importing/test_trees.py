@@ -26,17 +26,32 @@ VALUES = NAMES | st.integers(-1000, 1000) | st.floats(-1e6, 1e6) | st.lists(st.i
 TREES = st.dictionaries(NAMES, VALUES | st.dictionaries(NAMES, VALUES, min_size=1, max_size=3), min_size=1, max_size=4)
 
 
-@pytest.mark.parametrize("flow", [None, False])
+@pytest.mark.parametrize("flow", [None, False, True])
 def test_a_camchain_as_pyyaml_writes_it(flow):
     yaml = pytest.importorskip("yaml")
     assert yaml_tree(yaml.safe_dump(CHAIN, default_flow_style=flow)) == CHAIN
 
 
 @settings(max_examples=50)
-@given(tree=TREES, indent=st.sampled_from([2, 4]))
-def test_whatever_pyyaml_writes_of_such_trees(tree, indent):
+@given(tree=TREES, indent=st.sampled_from([2, 4]), flow=st.sampled_from([None, False, True]))
+def test_whatever_pyyaml_writes_of_such_trees(tree, indent, flow):
     yaml = pytest.importorskip("yaml")
-    assert yaml_tree(yaml.safe_dump(tree, default_flow_style=False, indent=indent)) == tree
+    assert yaml_tree(yaml.safe_dump(tree, default_flow_style=flow, indent=indent)) == tree
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: {rows: 1, cols: 2, data: [1, 2.5]}",
+        "a: {b: {c: [x, y z]}, d: []}\ne: [{f: 1}, {g: 'h, i'}]",
+        'a: {"b": 1, "c":"d]", url: http://e:1/f}\ng: {}',
+        "a: {\n  b: 1,\n  c: 2,\n  }\nd: text {with [brackets",
+        "- {a: 1}\n- [b, c]",
+    ],
+)
+def test_collections_in_brackets_are_read_as_pyyaml_reads_them(text):
+    yaml = pytest.importorskip("yaml")
+    assert yaml_tree(text) == yaml.safe_load(text)
 
 
 def test_comments_directives_and_lists_over_lines():
@@ -61,6 +76,11 @@ HOSTILE = {
     "nothing": "",
     "words": "a b c",
     "open bracket": "a: [1, 2",
+    "open brace": "a: {b: 1",
+    "wrong bracket": "a: {b: [1}]",
+    "no value": "a: {b}",
+    "no comma": "a: [[x] [y]]",
+    "nested braces": "a: " + "{b: " * 50_000 + "1" + "}" * 50_000,
     "brackets": "[" * 100_000,
     "closed brackets": "a: " + "[" * 50_000 + "]" * 50_000,
     "stairs": "".join(" " * i + "a:\n" for i in range(500)),

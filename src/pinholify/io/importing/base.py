@@ -74,7 +74,8 @@ class Foreign:
         try:
             array = np.array(value, dtype=np.float64).ravel()
         except (TypeError, ValueError):
-            raise self.refused(f"its {what} are not numbers" if value is not None else f"it has no {what}") from None
+            wrong = f"it has no {what}" if value is None else f"not all of its {what} are numbers"
+            raise self.refused(wrong) from None
         if not np.isfinite(array).all():
             raise self.refused(f"not all of its {what} are finite" if value is not None else f"it has no {what}")
         if counts and len(array) not in counts:
@@ -90,7 +91,7 @@ class Foreign:
 
     def size(self, value: Any) -> tuple[int, int]:
         """The image size in the file or from the caller; raises CameraFileError if both differ or both are missing."""
-        found = None if value is None else tuple(int(n) for n in self.numbers(value, "image size", 2))
+        found = None if value is None else tuple(int(n) for n in self.numbers(value, "image sides", 2))
         chosen = found or self.image_size
         if chosen is None:
             raise self.refused("it does not contain the size of the images", "give the image size")

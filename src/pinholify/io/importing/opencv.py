@@ -36,7 +36,7 @@ def cameras(foreign: Foreign) -> Mapping[str, ForeignCamera]:
 
 def core_of(foreign: Foreign, matrix: Any) -> tuple[Floats, Floats]:
     """(fx, fy) and (cx, cy) of a matrix K as FileStorage and ROS store it."""
-    k = foreign.numbers(_data(foreign, matrix), "numbers in its matrix", 9).reshape(3, 3)
+    k = foreign.numbers(_data(foreign, matrix), "matrix entries", 9).reshape(3, 3)
     if not (k[0, 0] and k[1, 1]) or np.abs(k[[1, 2, 2, 2], [0, 0, 1, 2]] - [0, 0, 0, 1]).max() > 1e-9 or k[0, 1]:
         raise foreign.refused("its matrix is not that of a camera without skew")
     return k[[0, 1], [0, 1]], k[:2, 2]

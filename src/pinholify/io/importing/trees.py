@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 from xml.etree import ElementTree
 
@@ -18,6 +18,11 @@ DEEPEST = 12
 KEY = re.compile(r"(\"[^\"]*\"|'[^']*'|[^\s:#\[\]{}\"'-][^:]*?)\s*:(?:\s+(.*))?$")
 COMMENT = re.compile(r"(^|\s)#.*$")
 TAG = re.compile(r"^!\S+\s*")
+QUOTED = r"\"[^\"]*\"|'[^']*'"
+FLOW_BEGINS = re.compile(r"(?:^\s*|[:-]\s+)(?:!\S+\s+)?[\[{]")
+COLON = r":(?=[\s\[\]{}])|(?<=[\"']):"
+FLOW_TOKEN = re.compile(rf"\s*([\[\]{{}},]|{COLON}|{QUOTED}|(?:[^\[\]{{}},:]|:(?![\s\[\]{{}}]))+)")
+"""A bracket, a comma, the colon after a key, or a plain value in a collection in brackets."""
 
 Line = tuple[int, str]
 """Indentation and text of a logical line."""
@@ -35,7 +40,7 @@ def yaml_tree(text: str) -> Any:
 
 
 def _logical_lines(text: str) -> Iterator[Line]:
-    """Lines without comments and directives, with bracketed lists joined into one line."""
+    """Lines without comments and directives, with collections in brackets joined into one line."""
     parts: list[str] = []
     still_open = 0
     for raw in text.splitlines():
@@ -43,7 +48,9 @@ def _logical_lines(text: str) -> Iterator[Line]:
         if not line.strip() or line.startswith(("%", "---", "...")):
             continue
         parts.append(line if not parts else line.strip())
-        still_open += line.count("[") - line.count("]")
+        if still_open or FLOW_BEGINS.search(line):
+            plain = re.sub(QUOTED, "", line)
+            still_open += sum(map(plain.count, "[{")) - sum(map(plain.count, "]}"))
         if still_open <= 0:
             yield len(parts[0]) - len(parts[0].lstrip()), " ".join(parts).strip()
             parts, still_open = [], 0
@@ -56,6 +63,8 @@ def _block(lines: deque[Line], depth: int) -> Any:
     if depth > DEEPEST:
         raise ValueError("nested too deeply")
     indent, first = lines[0]
+    if first.startswith(("[", "{")):
+        return _plain(lines.popleft()[1])
     block = _items(lines, indent, depth) if first.startswith("- ") else _mapping(lines, indent, depth)
     if not block:
         raise ValueError(f"not understood: {first}")
@@ -87,11 +96,52 @@ def _items(lines: deque[Line], indent: int, depth: int) -> list[Any]:
 
 
 def _plain(text: str) -> Any:
-    """A number or a list of numbers, otherwise the text itself."""
+    """A number or a collection in brackets, otherwise the text itself; raises ValueError for an odd bracket."""
     try:
-        return ast.literal_eval(text)
+        return ast.literal_eval(text)  # also for long lists of numbers, which it reads fast
     except (ValueError, SyntaxError):
-        return text.strip("\"'") or None
+        return _flow_tree(text) if text.startswith(("[", "{")) else text.strip("\"'") or None
+
+
+def _flow_tree(text: str) -> Any:
+    tokens = deque(token.strip() for token in FLOW_TOKEN.findall(text))
+    tree = _flow(tokens, 0)
+    if tokens:
+        raise ValueError(f"not understood: {tokens[0]}")
+    return tree
+
+
+def _flow(tokens: deque[str], depth: int) -> Any:
+    """Parse the value at the beginning of ``tokens``, and remove it from them; raises ValueError."""
+    if depth > DEEPEST or not tokens:
+        raise ValueError("nested too deeply, or a bracket is not closed")
+    first = tokens.popleft()
+    if first == "[":
+        return list(_members(tokens, "]", lambda: _flow(tokens, depth + 1)))
+    if first == "{":
+        return dict(_members(tokens, "}", lambda: _pair(tokens, depth + 1)))
+    if first in "]},:":
+        raise ValueError(f"not understood: {first}")
+    return _plain(first)
+
+
+def _members(tokens: deque[str], end: str, member: Callable[[], Any]) -> Iterator[Any]:
+    while tokens and tokens[0] != end:
+        yield member()
+        if tokens and tokens[0] == ",":
+            tokens.popleft()
+        elif tokens and tokens[0] != end:
+            raise ValueError(f"not understood: {tokens[0]}")
+    if not tokens:
+        raise ValueError("a bracket is not closed")
+    tokens.popleft()
+
+
+def _pair(tokens: deque[str], depth: int) -> tuple[str, Any]:
+    key = tokens.popleft().strip("\"'")
+    if not tokens or tokens.popleft() != ":":
+        raise ValueError(f"no value for {key}")
+    return key, _flow(tokens, depth)
 
 
 def xml_tree(text: str) -> Any:
