@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from pinholify.batch.executors import EXECUTORS
+from pinholify.batch.executors import DaskCluster, Processes, Serial, executor_for
 from pinholify.batch.executors import cluster as dask_executor
 from pinholify.batch.jobs import Job, Outcome
 from pinholify.batch.run import straighten_images
@@ -30,13 +30,11 @@ def cluster():
         yield started
 
 
-@pytest.fixture(params=EXECUTORS)
+@pytest.fixture(params=["serial", "processes", "dask"])
 def executor(request):
-    """An executor and where it works."""
-    where = {"serial": "", "processes": "2"}
     if request.param == "dask":
-        where["dask"] = request.getfixturevalue("cluster").scheduler_address
-    return lambda work, jobs: EXECUTORS[request.param](work, jobs, where[request.param])
+        return DaskCluster(request.getfixturevalue("cluster").scheduler_address)
+    return {"serial": Serial(), "processes": Processes(2)}[request.param]
 
 
 @dataclass(frozen=True)
@@ -80,29 +78,35 @@ def test_another_error_ends_the_run(executor, tmp_path):
 @pytest.mark.slow
 def test_a_job_that_kills_its_process_is_found_out(tmp_path):
     jobs = jobs_of(tmp_path, "a", "b", "deadly", *(f"{i}" for i in range(8)))
-    outcomes = {outcome.job: outcome.failure for outcome in EXECUTORS["processes"](Chores(), jobs, "2")}
+    outcomes = {outcome.job: outcome.failure for outcome in Processes(2)(Chores(), jobs)}
     assert len(outcomes) == len(jobs)
     assert [job.source for job, failure in outcomes.items() if failure] == ["deadly"]
     assert "died twice" in outcomes[jobs[2]]
 
 
+def test_the_place_of_work_is_chosen():
+    assert executor_for(1, None) == Serial()
+    assert executor_for(3, None) == Processes(3)
+    assert executor_for(1, "tcp://here:1") == DaskCluster("tcp://here:1")
+
+
 def test_processes_that_cannot_start(tmp_path, monkeypatch):
     monkeypatch.setattr("pinholify.io.processes.be_a_worker", os.abort)
     with pytest.raises(InputError, match="__main__"):
-        list(EXECUTORS["processes"](Chores(), jobs_of(tmp_path, "a"), "1"))
+        list(Processes(1)(Chores(), jobs_of(tmp_path, "a")))
 
 
 def test_no_scheduler(tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="needs the extra 'cluster'")
     monkeypatch.setattr("pinholify.batch.executors.cluster.PATIENCE", 0.5)
     with pytest.raises(InputError, match="no scheduler answers at"):
-        list(EXECUTORS["dask"](Chores(), jobs_of(tmp_path, "a"), "tcp://127.0.0.1:9"))
+        list(DaskCluster("tcp://127.0.0.1:9")(Chores(), jobs_of(tmp_path, "a")))
 
 
 def test_without_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
     with pytest.raises(InputError, match=r"pip install 'pinholify\[cluster\]'"):
-        list(EXECUTORS["dask"](Chores(), jobs_of(tmp_path, "a"), "tcp://127.0.0.1:9"))
+        list(DaskCluster("tcp://127.0.0.1:9")(Chores(), jobs_of(tmp_path, "a")))
 
 
 @pytest.mark.parametrize("where", ["serial", "processes", "dask"])
@@ -165,7 +169,7 @@ def test_500_pictures_on_a_cluster_that_loses_a_worker(cluster, straightener, pi
     jobs = [Job(source, str(tmp_path / "out" / Path(source).name)) for source in sources]
     work = Logged(straightening(straightener), str(tmp_path / "log"))
     pid = next(iter(cluster.workers.values())).pid
-    outcomes = list(killing(EXECUTORS["dask"](work, jobs, cluster.scheduler_address), after=100, pid=pid))
+    outcomes = list(killing(DaskCluster(cluster.scheduler_address)(work, jobs), after=100, pid=pid))
     assert [o.failure for o in outcomes] == [""] * 500
     assert {o.job for o in outcomes} == set(jobs)
     assert work.work.standing(jobs) == {job.target: True for job in jobs}

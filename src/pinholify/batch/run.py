@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import chain
 from pathlib import Path
 
-from pinholify.batch.executors import EXECUTORS
+from pinholify.batch.executors import executor_for
 from pinholify.batch.jobs import Outcome, Plan, Report, jobs_for, plan, report
 from pinholify.batch.straightening import straightening
 from pinholify.io import places
@@ -39,9 +39,8 @@ def straighten_images(
     jobs = jobs_for(sources, folder)
     planned = plan(jobs, work.standing(jobs), resume=resume, force=force)
     _make_room(folder, planned)
-    executor, where = ("dask", scheduler) if scheduler else ("serial" if workers == 1 else "processes", str(workers))
     outcomes: list[Outcome] = []
-    ended = EXECUTORS[executor](work, planned.to_do, where) if planned.to_do else ()
+    ended = executor_for(workers, scheduler)(work, planned.to_do) if planned.to_do else ()
     for outcome in chain(map(Outcome, planned.finished), ended):
         outcomes.append(outcome)
         if on_outcome is not None:

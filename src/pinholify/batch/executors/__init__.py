@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from pinholify.batch.executors.cluster import on_cluster
-from pinholify.batch.executors.processes import in_processes
+from pinholify.batch.executors.cluster import DaskCluster as DaskCluster
+from pinholify.batch.executors.processes import Processes as Processes
+from pinholify.batch.executors.serial import Serial as Serial
 from pinholify.batch.executors.serial import Work as Work
-from pinholify.batch.executors.serial import in_series
 from pinholify.batch.jobs import Job, Outcome
 
-Executor = Callable[[Work, Sequence[Job], str], Iterator[Outcome]]
-"""The last argument is the place of work: ignored, a number of processes, or the address of a scheduler."""
+Executor = Callable[[Work, Sequence[Job]], Iterator[Outcome]]
 
-EXECUTORS: dict[str, Executor] = {
-    "serial": in_series,
-    "processes": in_processes,
-    "dask": on_cluster,
-}
+
+def executor_for(workers: int, scheduler: str | None) -> Executor:
+    """The cluster of a ``scheduler`` at that address, otherwise ``workers`` processes; for 1 it is this process."""
+    if scheduler is not None:
+        return DaskCluster(scheduler)
+    return Serial() if workers == 1 else Processes(workers)

@@ -6,6 +6,7 @@ import importlib
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
+from dataclasses import dataclass
 from typing import Any
 
 from pinholify.batch.executors.serial import Work, attempt
@@ -20,19 +21,25 @@ ATTEMPTS, PAUSE = 10, 0.5
 """How often a result is requested, and the seconds between."""
 
 
-def on_cluster(work: Work, jobs: Sequence[Job], where: str) -> Iterator[Outcome]:
-    """The outcomes of ``jobs``, done by the workers of the scheduler at ``where``, e.g. tcp://127.0.0.1:8786.
+@dataclass(frozen=True, slots=True)
+class DaskCluster:
+    """Does jobs on the workers of the scheduler at ``address``, e.g. tcp://127.0.0.1:8786."""
 
-    Raises InputError if no scheduler answers, OutputError if it stops before the jobs have ended.
-    """
-    distributed = _distributed()
-    with _connected(distributed, where) as client:
-        # The work is a task as well: jobs share its result, and it is recomputed if the worker that holds it dies.
-        shared = client.submit(_itself, work, pure=False)
-        futures = client.map(attempt, [shared] * len(jobs), [_elsewhere(job) for job in jobs], pure=False)
-        job_of = {future.key: job for future, job in zip(futures, jobs, strict=True)}
-        for future in distributed.as_completed(futures, loop=client.loop):
-            yield _outcome(distributed, future, job_of[future.key])
+    address: str
+
+    def __call__(self, work: Work, jobs: Sequence[Job]) -> Iterator[Outcome]:
+        """The outcomes of ``jobs`` as they end.
+
+        Raises InputError if no scheduler answers, OutputError if it stops before the jobs have ended.
+        """
+        distributed = _distributed()
+        with _connected(distributed, self.address) as client:
+            # The work is a task as well: jobs share its result, and it is recomputed if the worker that holds it dies.
+            shared = client.submit(_itself, work, pure=False)
+            futures = client.map(attempt, [shared] * len(jobs), [_elsewhere(job) for job in jobs], pure=False)
+            job_of = {future.key: job for future, job in zip(futures, jobs, strict=True)}
+            for future in distributed.as_completed(futures, loop=client.loop):
+                yield _outcome(distributed, future, job_of[future.key])
 
 
 def _itself(work: Work) -> Work:
