@@ -12,6 +12,7 @@ from pinholify.arrays import Floats
 from pinholify.calibration.circles import local_centres, needs_centres, true_centres
 from pinholify.calibration.condensing import condensed
 from pinholify.calibration.intrinsics import check_determined
+from pinholify.calibration.methods import METHODS
 from pinholify.calibration.numbering import check_numbering, numbered_alike
 from pinholify.calibration.one_image import calibrate_one_image
 from pinholify.calibration.reference import reference_views
@@ -27,7 +28,6 @@ from pinholify.refinement.observations import lattice_middle
 from pinholify.refinement.spectral import density_named
 from pinholify.refinement.trends import searches_named
 
-METHODS = ("auto", "joint", "one-image")
 FEWEST_FOR_JOINT = 4  # boards with which "auto" chooses the joint method
 MAX_JOINT_CORNERS = 12_000  # of all boards; more are condensed, or the solve takes minutes
 MIN_CORNERS_PER_BOARD = 400  # on average: boards of ordinary size are never condensed, however many they are

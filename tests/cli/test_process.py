@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 
 from pinholify.cli import COMMANDS
-from pinholify.cli.calibrate_command import METHODS
-from pinholify.pipeline import METHODS as PIPELINE_METHODS
 
 HEAVY = ("numpy", "cv2", "scipy", "matplotlib", "rich", "PIL", "reportlab")
 PINHOLIFY = (sys.executable, "-m", "pinholify")
@@ -59,10 +57,6 @@ def test_version(run):
     import pinholify
 
     assert run("--version").out == f"pinholify, version {pinholify.__version__}\n"
-
-
-def test_methods_are_those_of_the_pipeline():
-    assert set(METHODS) == set(PIPELINE_METHODS)
 
 
 def test_reader_that_has_seen_enough(camera):

@@ -13,7 +13,7 @@ from pinholify.errors import InputError, OutputError
 from pinholify.evaluation.summary import OpenCVScore
 from pinholify.report.contents import make_report
 from pinholify.report.formats import FORMATS, is_report, render, write_report
-from pinholify.report.formats.markdown import escape
+from pinholify.report.formats.md import escape
 from pinholify.report.html.markup import Markup, element
 from pinholify.report.maps import Certainty
 from pinholify.report.narrative import sections

@@ -14,7 +14,8 @@ from pinholify.batch.straightening import straightening
 from pinholify.errors import ImageError, InputError, OutputError
 from pinholify.io.files import atomic_path
 from pinholify.io.video.assembly import assemble, left_out, try_container
-from pinholify.io.video.encoding import CONTAINERS, Encoding, choose_encoding
+from pinholify.io.video.encoders import CONTAINERS
+from pinholify.io.video.encoding import Encoding, choose_encoding
 from pinholify.io.video.planes import FULL_RANGE, frame_straightener
 from pinholify.io.video.segments import SegmentFolder, encode
 from pinholify.io.video.source import Frame, VideoInfo, frames, probe, pyav

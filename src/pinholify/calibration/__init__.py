@@ -2,6 +2,7 @@
 
 In reading order:
 
+- ``methods``: their names
 - ``reference``: which board becomes the virtual plane
 - ``numbering``: boards numbered with the wrong handedness are found and renumbered
 - ``condensing``: dense boards reduced to fewer, better points

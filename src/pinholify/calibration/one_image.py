@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from pinholify.arrays import Bools
 from pinholify.calibration.condensing import block_side, condensed, condensed_view
 from pinholify.calibration.intrinsics import find_intrinsics
+from pinholify.calibration.methods import FEWEST_BOARDS
 from pinholify.calibration.observation import MINIMUM_SHARE_INSIDE, MappedBoard, map_boards
 from pinholify.calibration.reference import check_handedness, reference_view
 from pinholify.calibration.result import Calibration
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 MAX_MAP_POINTS = 600  # of the reference board; a denser one is condensed, because the process costs n³
 MAX_CORNERS = 12_000  # of all boards, for f, uc and vc
-FEWEST_BOARDS = 3  # the reference and two others
 
 
 def calibrate_one_image(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pinholify.calibration.methods import FEWEST_BOARDS, METHODS
 from pinholify.cli import options
 from pinholify.cli.options import (
     Auto,
@@ -28,8 +29,6 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.board import Board
     from pinholify.calibration.result import Calibration
 
-METHODS = ("auto", "joint", "one-image")
-FEWEST_BOARDS = 3  # the reference and two boards of other orientations
 
 
 @click.command(
@@ -49,9 +48,8 @@ FEWEST_BOARDS = 3  # the reference and two boards of other orientations
 @click.option("--image-size", type=options.size, metavar="WxH", help="Size of the images in px; with --corners.")
 @click.option("--square", "square_mm", type=options.length, help="Side of a square, e.g. 25mm (without a unit: mm).")
 @click.option("--reference", metavar="IMAGE", help="Image whose board defines the frame; by default the largest board.")
-@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True,
-              help="joint: all boards determine the map; one-image: the reference alone; auto: joint with four or more "
-              "boards.")
+@click.option("--method", type=click.Choice(list(METHODS)), default="auto", show_default=True,
+              help=options.explained(METHODS))
 @click.option("--kernel", default="se", show_default=True, help="Kernel: se, ard-se, matern32, matern52 or rq.")
 @click.option(
     "--trend",

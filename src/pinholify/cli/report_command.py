@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pinholify.cli.options import check_output, examples, force_option, json_option, progress, say
+from pinholify.cli.options import check_output, examples, explained, force_option, json_option, progress, say
 from pinholify.cli.stills import stills_for_videos
+from pinholify.report.formats import FORMATS, is_report, render, write_report
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.calibration.result import Calibration
@@ -19,7 +20,6 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.report.contents import Report
     from pinholify.report.photographs import Photographs
 
-FORMATS = ("html", "md", "json")
 STANDARD_OUTPUT = Path("-")
 
 
@@ -34,8 +34,8 @@ STANDARD_OUTPUT = Path("-")
 @click.argument("images", nargs=-1, type=click.Path(path_type=Path))
 @click.option("-o", "output", type=click.Path(path_type=Path),
               help="File to write; report.html by default (or .md, .json); - is standard output.")
-@click.option("--format", "form", type=click.Choice(FORMATS),
-              help="html: one self-contained page; md: text and tables; json: numbers. Default: as -o ends.")
+@click.option("--format", "form", type=click.Choice(list(FORMATS)),
+              help=explained(FORMATS) + " Default: as -o ends.")
 @click.option("--opencv/--no-opencv", default=True, show_default=True, help="Fit OpenCV's models to compare with.")
 @click.option("--heldout/--no-heldout", default=True, show_default=True,
               help="Calibrate again on half of the boards to score the others.")
@@ -59,7 +59,6 @@ def command(
     """
     from pinholify.io.camera_file import read_camera
     from pinholify.report.evaluated import evaluated
-    from pinholify.report.formats import render
 
     if output == STANDARD_OUTPUT and as_json:
         raise click.UsageError("--json and -o - both write to standard output; omit one")
@@ -77,8 +76,6 @@ def command(
 
 def write_to(path: Path, report: Report, form: str | None = None, *, aloud: bool) -> None:
     """Write ``report`` as ``form``, by default the format of the ending of ``path``; ``aloud`` also prints messages."""
-    from pinholify.report.formats import render, write_report
-
     ending = path.suffix.lower().removeprefix(".")
     form = form or (ending if ending in FORMATS else "html")
     if path == STANDARD_OUTPUT:
@@ -95,7 +92,6 @@ def write_to(path: Path, report: Report, form: str | None = None, *, aloud: bool
 def check_report_output(path: Path, inputs: Sequence[Path], form: str | None = None, *, force: bool) -> None:
     """Raise OutputError if the report must not be written to ``path``; inputs are protected even before they exist."""
     from pinholify.errors import OutputError
-    from pinholify.report.formats import is_report
 
     if path == STANDARD_OUTPUT:
         return

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinholify.cli.options import examples, explained, json_option, overwrite_option, print_json, progress, say
-from pinholify.cli.video import CODECS, straighten_one_video
+from pinholify.cli.video import straighten_one_video
 from pinholify.cli.view_options import straightener_of, view_json, view_options
 from pinholify.errors import ImageError, OutputError
+from pinholify.io.video.encoders import CONTAINERS, ENCODERS
 from pinholify.rectification.options import METHODS, ViewOptions
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
@@ -39,7 +40,9 @@ EXAMPLES = examples(
     show_default=True,
     help=explained(METHODS),
 )
-@click.option("--codec", type=click.Choice(CODECS), help="Video: codec of the output; by default that of the original.")
+@click.option(
+    "--codec", type=click.Choice(list(ENCODERS)), help="Video: codec of the output; by default that of the original."
+)
 @click.option("--quality", type=click.IntRange(0, 63), help="Video: constant rate factor; lower is better.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Number of processes.")
 @click.option("--scheduler", metavar="ADDRESS", help="Use the workers of a Dask cluster, e.g. tcp://127.0.0.1:8786.")
@@ -102,7 +105,6 @@ def command(
 def check_folder(output: str) -> None:
     """Raise OutputError if ``output`` has the ending of an image or video and is not an existing folder."""
     from pinholify.io.images import IMAGE_SUFFIXES
-    from pinholify.io.video.encoding import CONTAINERS
 
     if Path(output).suffix.lower() in {*IMAGE_SUFFIXES, *CONTAINERS} and not Path(output).is_dir():
         raise OutputError(

@@ -17,8 +17,6 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.batch.video import VideoJob
     from pinholify.rectification.straightener import Straightener
 
-CODECS = ("h264", "hevc", "vp9", "av1", "prores", "ffv1")
-
 
 def straighten_one_video(
     straightener: Straightener,

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats
+from pinholify.calibration.methods import FEWEST_BOARDS
 from pinholify.camera import VirtualCamera
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
@@ -46,7 +47,6 @@ from pinholify.refinement.trends import Search, searches_named
 from pinholify.refinement.warp import warp_of, warp_rms
 
 SHORTEST_LENGTH_SCALE = 4.0  # of the prior, in typical distances between neighbouring corners of one board
-FEWEST_BOARDS = 3
 MAX_EXTENSIONS = 2  # of the model, because one may hide another
 COVERED_QUANTILE = 0.995  # of the corners' radii: those farther out may be wrong
 SECOND_CHOICES = 8  # candidates to solve where no finalist can be solved

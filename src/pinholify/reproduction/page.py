@@ -10,7 +10,7 @@ from importlib import resources
 from pathlib import Path
 
 from pinholify import __version__
-from pinholify.report.formats.markdown import table_text
+from pinholify.report.formats.md import table_text
 from pinholify.reproduction.chain import Reproduced
 from pinholify.reproduction.drawing import pinhole_drawing
 from pinholify.reproduction.findings import Finding, findings

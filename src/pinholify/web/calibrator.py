@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pinholify.calibration.methods import FEWEST_BOARDS
 from pinholify.errors import InputError
 from pinholify.web import downloads, solving
 from pinholify.web.context import AppContext, NotFound
@@ -96,7 +97,7 @@ class Calibrator:
         """One calibration, until it ends, fails or is cancelled."""
         session = self.context.session(state.session_id)
         corners = session.corner_set()
-        if corners is None or len(corners.views) < solving.FEWEST_BOARDS:
+        if corners is None or len(corners.views) < FEWEST_BOARDS:
             state.problem = None
             state.publish("result", **result_event(session, state))
             return

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pinholify.arrays import Floats
+from pinholify.calibration.methods import FEWEST_BOARDS
 from pinholify.calibration.result import Calibration
 from pinholify.camera import VirtualCamera
 from pinholify.corners import CornerSet
@@ -32,7 +33,6 @@ from pinholify.report.pictures import eight_bits
 from pinholify.web.process_pool import Report
 
 PREVIEW_TREND = "angle:4"  # suits most lenses, and needs no search
-FEWEST_BOARDS = 3
 PREVIEW_SIDE = 960
 GRID = (32, 24)
 

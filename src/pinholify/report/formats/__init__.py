@@ -1,22 +1,27 @@
-"""The formats in which a report is written. To add one, write a module with ``render`` and add a line here."""
+"""The formats in which a report is written. To add one, write a module with ``render`` and add a line here.
+
+Modules are imported only when their format is used.
+"""
 
 from __future__ import annotations
 
+import importlib
 import os
-from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pinholify.errors import InputError
 from pinholify.io.files import writing_text
-from pinholify.report.contents import Report
-from pinholify.report.formats import html, json, markdown
 
-FORMATS: dict[str, Callable[[Report], str]] = {
-    "html": html.render,
-    "md": markdown.render,
-    "json": json.render,
+if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
+    from pinholify.report.contents import Report
+
+FORMATS = {
+    "html": "one self-contained page",
+    "md": "text and tables",
+    "json": "numbers",
 }
-"""Functions that render a report as text, by format; the names are also file extensions."""
+"""Name of each format, its module and file extension → its description."""
 
 MARK = "pinholify-report"
 """A mark near the start of every report, whatever its format."""
@@ -28,7 +33,7 @@ def render(report: Report, form: str) -> str:
     """``report`` as text in the format ``form``; raises InputError for an unknown format."""
     if form not in FORMATS:
         raise InputError(f"unknown report format '{form}': choose one of {', '.join(FORMATS)}")
-    text = FORMATS[form](report)
+    text: str = importlib.import_module(f"pinholify.report.formats.{form}").render(report)
     return text.encode("utf-8", "backslashreplace").decode("utf-8")  # file names may not be valid Unicode
 
 
