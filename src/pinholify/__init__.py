@@ -23,7 +23,8 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from pinholify.batch.run import straighten_images
     from pinholify.batch.video import straighten_video, video_job
-    from pinholify.board import Checkerboard, parse_board
+    from pinholify.board import parse_board
+    from pinholify.board.checkerboard import Checkerboard
     from pinholify.calibration.observation import estimate_pose, observe, sighting_of
     from pinholify.calibration.result import Calibration
     from pinholify.camera import Mapped, Rays, VirtualCamera
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Calibration": "calibration.result",
-    "Checkerboard": "board",
+    "Checkerboard": "board.checkerboard",
     "CornerSet": "corners",
     "Corners": "corners",
     "Evaluation": "evaluation.summary",
