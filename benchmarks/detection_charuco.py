@@ -21,7 +21,7 @@ from pinholify.io.board_print import ARTWORKS
 from pinholify.simulation.lenses import BrownConrady, Fisheye
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
-from pinholify.simulation.scene import Picture, Plane, Scene
+from pinholify.simulation.scene import Picture, Scene, TexturedPlane
 from pinholify.simulation.views import true_corners
 
 BOARD = parse_board("charuco:16x10:DICT_4X4_100:0.7")
@@ -59,7 +59,7 @@ def make(scenes, folder: Path, first: int, count: int) -> None:
         rays = pixel_rays(lens)
         for seed in range(first, first + count):
             pose = Pose(*scenes.pose(kind, np.random.default_rng([seed, number])))
-            scene = Scene((Plane(pose, texture),), lambda directions: np.full((len(directions), 1), BACKGROUND))
+            scene = Scene((TexturedPlane(pose, texture),), lambda directions: np.full((len(directions), 1), BACKGROUND))
             image = photograph(render(rays, scene, samples=SAMPLES), SENSOR, (seed, number))
             uv = np.nan_to_num(true_corners(lens, BOARD, pose), nan=-1e6)  # what the lens does not see
             visible = (uv > 6).all(axis=1) & (uv < np.array(size) - 7).all(axis=1)

@@ -40,7 +40,7 @@ from pinholify.pipeline import calibrate
 from pinholify.points import solve_pnp, undistort_points
 from pinholify.rectification.views import optical_rotation
 from pinholify.simulation.lenses import LENSES
-from pinholify.simulation.lenses.base import Rays
+from pinholify.simulation.lenses.base import LensRays
 from pinholify.simulation.views import board_poses
 
 NAMED = ("pinhole", "brown-conrady", "unity-barrel", "fisheye", "windscreen")
@@ -71,7 +71,8 @@ class Displaced:
 
     def unproject(self, uv):
         rays = self.lens.unproject(uv)
-        return Rays((rays.origins - self.pose.translation) @ self.pose.rotation, rays.directions @ self.pose.rotation)
+        origins = (rays.origins - self.pose.translation) @ self.pose.rotation
+        return LensRays(origins, rays.directions @ self.pose.rotation)
 
 
 # --- a camera to measure with: ideal points of pixels, and poses of boards --------------------------------------------

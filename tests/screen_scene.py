@@ -9,8 +9,8 @@ from pinholify.detection.gray_code import Sequence
 from pinholify.geometry import Pose
 from pinholify.simulation.lenses import BrownConrady
 from pinholify.simulation.photograph import Sensor
-from pinholify.simulation.screens import capture_screen
 from pinholify.simulation.views import board_poses
+from simulated_screen import capture_screen
 
 SIZE = (320, 240)
 LENS = BrownConrady(SIZE, (210.0, 210.0), (3.0, -2.0), (-0.18, 0.03, 0.0))

@@ -24,7 +24,7 @@ from pinholify.points import undistort_points
 from pinholify.rectification.straightener import Straightener
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
-from pinholify.simulation.scene import CheckerboardTexture, Plane, Scene, cloudy
+from pinholify.simulation.scene import CheckerboardTexture, Scene, TexturedPlane, cloudy
 from pinholify.simulation.views import true_corners
 from small_camera import BOARD, LENS, SIZE
 
@@ -58,7 +58,7 @@ def board_pose(distance, angles, sideways=(0.0, 0.0)):
 
 
 def take(path, pose):
-    scene = Scene((Plane(pose, CheckerboardTexture(BOARD)),), cloudy(0.45, seed=1))
+    scene = Scene((TexturedPlane(pose, CheckerboardTexture(BOARD)),), cloudy(0.45, seed=1))
     write_image(path, photograph(render(pixel_rays(LENS), scene, samples=13), Sensor(read_noise=1.0), 2))
 
 
@@ -123,7 +123,8 @@ def test_stereo(camera, tmp_path, monkeypatch):
 @pytest.fixture(scope="module")
 def picture():
     """A photograph of the small camera, with corners to find."""
-    scene = Scene((Plane(board_pose(8.0, [10.0, 20.0, 0.0]), CheckerboardTexture(BOARD)),), cloudy(0.45, seed=1))
+    pose = board_pose(8.0, [10.0, 20.0, 0.0])
+    scene = Scene((TexturedPlane(pose, CheckerboardTexture(BOARD)),), cloudy(0.45, seed=1))
     return photograph(render(pixel_rays(LENS), scene, samples=13), Sensor(), 0)
 
 

@@ -23,7 +23,7 @@ from pinholify.pipeline import calibrate
 from pinholify.simulation.lenses import BrownConrady, Fisheye, Lens, Mirror, Pinhole, WaterPane, bumpy
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
-from pinholify.simulation.scene import CheckerboardTexture, Plane, Scene, cloudy
+from pinholify.simulation.scene import CheckerboardTexture, Scene, TexturedPlane, cloudy
 from pinholify.simulation.views import board_poses, true_corners
 
 Image = NDArray[np.uint8]
@@ -68,7 +68,7 @@ def take(lens: Lens, poses: Iterable[Pose], sensor: Sensor | None = None, board:
     """A photograph (h, w) of the board at each of ``poses``."""
     rays, texture = pixel_rays(lens), CheckerboardTexture(board)
     sensor = sensor or Sensor(vignetting=0.2, shot_noise=2.0, read_noise=1.0)
-    scenes = [Scene((Plane(pose, texture),), cloudy(0.45, seed=1)) for pose in poses]
+    scenes = [Scene((TexturedPlane(pose, texture),), cloudy(0.45, seed=1)) for pose in poses]
     return [photograph(render(rays, scene, samples=13), sensor, i) for i, scene in enumerate(scenes)]
 
 

@@ -15,7 +15,7 @@ from pinholify.io.images import write_image
 from pinholify.simulation.lenses import LENSES, Lens, Pinhole, Resized
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
-from pinholify.simulation.scene import Picture, Plane, Scene, cloudy
+from pinholify.simulation.scene import Picture, Scene, TexturedPlane, cloudy
 from pinholify.simulation.views import board_poses, virtual_camera
 
 SQUARE = 240  # px of the printed page: 20.32 mm at 300 dpi, a whole number of them a tag's cell and a gap
@@ -44,7 +44,7 @@ def photographs(folder: Path, lens: Lens, texture: Picture, spec: str, count: in
     poses = board_poses([lens], parse_board(spec), count, seed=7, margin=margin, tilt=38.0)
     folder.mkdir()
     for i, pose in enumerate(poses):
-        picture = render(rays, Scene((Plane(pose, texture),), cloudy(0.4)), samples=31)
+        picture = render(rays, Scene((TexturedPlane(pose, texture),), cloudy(0.4)), samples=31)
         image = photograph(picture, Sensor(blur=0.8, shot_noise=2.0, read_noise=1.5), i)
         write_image(folder / f"{i}.png", image)
     return np.array(virtual_camera(poses[0]))

@@ -19,7 +19,7 @@ from pinholify.io.importing.base import ForeignCamera
 from pinholify.simulation.lenses import Fisheye
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
-from pinholify.simulation.scene import CheckerboardTexture, Plane, Scene
+from pinholify.simulation.scene import CheckerboardTexture, Scene, TexturedPlane
 from pinholify.simulation.views import true_corners, virtual_camera
 
 BOARD = Checkerboard(11, 8)
@@ -44,7 +44,7 @@ def camera():
 @pytest.fixture(scope="module")
 def seen():
     """A strongly bent photograph of the board, and its true corners (n, 2) px."""
-    scene = Scene((Plane(VIEW, CheckerboardTexture(BOARD)),), lambda directions: np.full((len(directions), 1), 0.4))
+    scene = Scene((TexturedPlane(VIEW, CheckerboardTexture(BOARD)),), lambda rays: np.full((len(rays), 1), 0.4))
     image = photograph(render(pixel_rays(LENS), scene), Sensor(blur=0.7, read_noise=2.0), 1)
     points = lattice(BOARD)
     return image, LENS.project(VIEW.apply(np.column_stack([points, np.zeros(len(points))])))

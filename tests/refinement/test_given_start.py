@@ -25,7 +25,7 @@ from pinholify.refinement.start import board_misfit, given_lens
 from pinholify.refinement.trends import Angles, LensTrend, Plane
 from pinholify.refinement.trends.fitting import fit_trend
 from pinholify.simulation.lenses import Fisheye, Lens
-from pinholify.simulation.lenses.base import Rays
+from pinholify.simulation.lenses.base import LensRays
 from pinholify.simulation.views import board_poses, true_corners
 
 from .conftest import BOARD, FOCAL, SIZE, Project, Scene, fisheye, make_scene
@@ -71,7 +71,7 @@ class Window:
     def project(self, points: Floats) -> Floats:
         return np.asarray(self.lens.project(points) - [self.left, self.top])
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         return self.lens.unproject(uv + np.array([self.left, self.top]))
 
 

@@ -10,7 +10,7 @@ from pinholify.simulation import views
 from pinholify.simulation.lenses import LENSES, BrownConrady, Lens, Pinhole
 from pinholify.simulation.photograph import Sensor, photograph, through_jpeg
 from pinholify.simulation.rendering import golden_lattice, pixel_rays, render
-from pinholify.simulation.scene import CheckerboardTexture, Picture, Plane, Scene, cloudy, plain
+from pinholify.simulation.scene import CheckerboardTexture, Picture, Scene, TexturedPlane, cloudy, plain
 from pinholify.simulation.views import board_poses, true_corners
 
 FACING = np.eye(3)
@@ -36,7 +36,7 @@ def test_an_empty_scene_is_its_background() -> None:
 def test_an_edge_lies_where_geometry_puts_it(angle: float, shift: float) -> None:
     """Each row's light says where the edge crosses it; the mean over all rows is right to 0.01 px."""
     lens = Pinhole((81, 61), 100.0)
-    plane = Plane(Pose(turned(angle), [shift / 10, 0, 10]), half_plane)
+    plane = TexturedPlane(Pose(turned(angle), [shift / 10, 0, 10]), half_plane)
     image = render(pixel_rays(lens), Scene((plane,), plain(0)))
     edge = 81 - image.sum(axis=1, dtype=float) - 0.5
     truth = 40 + shift - np.tan(np.deg2rad(angle)) * (np.arange(61) - 30)
@@ -68,7 +68,7 @@ def test_corners_found_in_a_clean_picture_have_no_bias(name: str) -> None:
     rays = pixel_rays(lens)
     errors = []
     for pose in board_poses([lens], board, 4, seed=2, margin=0.03, tilt=25.0)[1:]:
-        scene = Scene((Plane(pose, CheckerboardTexture(board)),), plain(0.4))
+        scene = Scene((TexturedPlane(pose, CheckerboardTexture(board)),), plain(0.4))
         image = photograph(render(rays, scene), Sensor(blur=0.8))
         truth = true_corners(lens, board, pose).astype(np.float32)
         stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
@@ -81,7 +81,7 @@ def test_corners_found_in_a_clean_picture_have_no_bias(name: str) -> None:
 def test_a_pixels_light_is_the_mean_over_its_area() -> None:
     """A checkerboard of squares finer than a pixel is grey, and not a moiré."""
     texture = CheckerboardTexture(Checkerboard(900, 900), dark=0, light=1)
-    scene = Scene((Plane(Pose(turned(20), [-150, -450, 200]), texture),), plain(0.5))
+    scene = Scene((TexturedPlane(Pose(turned(20), [-150, -450, 200]), texture),), plain(0.5))
     image = render(pixel_rays(Pinhole((64, 48), 82.0)), scene)
     assert image.mean() == pytest.approx(0.5, abs=0.01)
     assert image.std() < 0.05
@@ -94,7 +94,7 @@ def test_the_nearer_plane_hides_the_farther() -> None:
     def blue(xy: np.ndarray) -> np.ndarray:
         return np.tile([0.0, 0.0, 1.0], (len(xy), 1))
 
-    planes = (Plane(Pose(FACING, [0, 0, 2]), red), Plane(Pose(FACING, [0, 0, 5]), blue))
+    planes = (TexturedPlane(Pose(FACING, [0, 0, 2]), red), TexturedPlane(Pose(FACING, [0, 0, 5]), blue))
     for order in (planes, planes[::-1]):
         image = render(pixel_rays(Pinhole((41, 31), 10.0)), Scene(order, plain(0, 1, 0)))
         assert (image[15, 20] == [1, 0, 0]).all()
@@ -102,7 +102,7 @@ def test_the_nearer_plane_hides_the_farther() -> None:
 
 
 def test_planes_behind_the_camera_are_not_seen() -> None:
-    scene = Scene((Plane(Pose(FACING, [0, 0, -2]), half_plane),), plain(0.3))
+    scene = Scene((TexturedPlane(Pose(FACING, [0, 0, -2]), half_plane),), plain(0.3))
     assert (render(pixel_rays(Pinhole((20, 10), 10.0)), scene) == np.float32(0.3)).all()
 
 
@@ -144,7 +144,7 @@ def test_a_charuco_board_as_a_picture() -> None:
     picture = Picture(drawn, square, (half_pixel - 1, half_pixel - 1))
     lens, board = LENSES["unity-barrel"], Checkerboard(columns - 1, rows - 1)
     pose = board_poses([lens], board, 1, seed=5, margin=0.07)[0]
-    image = photograph(render(pixel_rays(lens), Scene((Plane(pose, picture),), plain(1.0))), Sensor(blur=0.7))
+    image = photograph(render(pixel_rays(lens), Scene((TexturedPlane(pose, picture),), plain(1.0))), Sensor(blur=0.7))
     found, ids, *_ = cv2.aruco.CharucoDetector(target).detectBoard(image)
     # OpenCV 4 reports ChArUco corners half a pixel off; its refinement of single corners does not in any version.
     found = cv2.cornerSubPix(image, found - (0.5 if cv2.__version__ < "5" else 0.0), (5, 5), (-1, -1), (3, 60, 1e-4))

@@ -8,7 +8,7 @@ import numpy as np
 
 from pinholify.simulation.photograph import photograph
 from pinholify.simulation.rendering import pixel_rays, render
-from pinholify.simulation.scene import CheckerboardTexture, Plane, Scene, cloudy
+from pinholify.simulation.scene import CheckerboardTexture, Scene, TexturedPlane, cloudy
 from pinholify.simulation.views import board_poses
 from small_camera import BOARD, LENS, SIZE, SMALL
 
@@ -23,7 +23,7 @@ def write_clip(path: Path, boards: int, *, seed: int = 5) -> None:
     with open(path, "wb") as file:
         file.write(f"YUV4MPEG2 W{width} H{height} F{RATE}:1 Ip A1:1 C420jpeg\n".encode())
         for number, pose in enumerate(board_poses((LENS,), BOARD, boards, seed=seed, tilt=40.0)):
-            scene = Scene((Plane(pose, CheckerboardTexture(BOARD)),), cloudy(0.5))
+            scene = Scene((TexturedPlane(pose, CheckerboardTexture(BOARD)),), cloudy(0.5))
             picture = photograph(render(rays, scene, samples=13), SMALL.sensor, (seed, number))
             frame = b"FRAME\n" + picture.tobytes() + np.full(width * height // 2, 128, np.uint8).tobytes()
             file.write(frame * HELD)

@@ -38,7 +38,7 @@ class Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class BatchReport:
     """The result of a run: ``written`` targets in the order of the sources, those ``finished`` earlier, failures."""
 
     written: tuple[str, ...]
@@ -87,10 +87,10 @@ def _in_the_way(targets: Sequence[str], resume: bool, ours: bool) -> str:
     return f"{found}; choose another folder, {'use --resume to do only the rest, ' if ours else ''}or use --force"
 
 
-def report(plan: Plan, outcomes: Sequence[Outcome]) -> Report:
+def report(plan: Plan, outcomes: Sequence[Outcome]) -> BatchReport:
     """The report of ``outcomes``, which may be in any order."""
     failures = {outcome.job: outcome.failure for outcome in outcomes}
-    return Report(
+    return BatchReport(
         tuple(job.target for job in plan.to_do if not failures[job]),
         tuple(job.target for job in plan.finished),
         {job.source: failures[job] for job in plan.to_do if failures[job]},

@@ -7,7 +7,7 @@ from itertools import chain
 from pathlib import Path
 
 from pinholify.batch.executors import executor_for
-from pinholify.batch.jobs import Outcome, Plan, Report, jobs_for, plan, report
+from pinholify.batch.jobs import BatchReport, Outcome, Plan, jobs_for, plan, report
 from pinholify.batch.straightening import straightening
 from pinholify.io import places
 from pinholify.io.files import check_writable, make_folder
@@ -24,7 +24,7 @@ def straighten_images(
     resume: bool = False,
     force: bool = False,
     on_outcome: Callable[[Outcome], object] | None = None,
-) -> Report:
+) -> BatchReport:
     """Straighten the image files ``sources`` into ``folder``, as JPEG for a JPEG and otherwise as PNG.
 
     Sources and folder are paths or fsspec URLs. The work is done by ``workers`` processes of this machine (1: this

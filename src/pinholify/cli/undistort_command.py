@@ -16,7 +16,7 @@ from pinholify.io.video.encoders import CONTAINERS, ENCODERS
 from pinholify.rectification.options import METHODS, ViewOptions
 
 if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
-    from pinholify.batch.jobs import Report
+    from pinholify.batch.jobs import BatchReport
     from pinholify.rectification.straightener import Straightener
 
 
@@ -112,7 +112,7 @@ def check_folder(output: str) -> None:
         )
 
 
-def to_json(report: Report, straightener: Straightener) -> dict[str, Any]:
+def to_json(report: BatchReport, straightener: Straightener) -> dict[str, Any]:
     """The object that ``--json`` prints."""
     finished = {"finished_before": report.finished} if report.finished else {}
     return {
@@ -124,7 +124,7 @@ def to_json(report: Report, straightener: Straightener) -> dict[str, Any]:
     }
 
 
-def say_what_was_written(report: Report, folder: str) -> None:
+def say_what_was_written(report: BatchReport, folder: str) -> None:
     """Print how many pictures were written, if any."""
     before = f"; {len(report.finished)} were already there" if report.finished else ""
     if report.written or report.finished:

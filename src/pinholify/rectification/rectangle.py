@@ -10,7 +10,7 @@ from pinholify.arrays import Bools, Ints
 
 
 @dataclass(frozen=True, slots=True)
-class Rectangle:
+class PixelRectangle:
     """Pixel centres from (``left``, ``top``) to (``right``, ``bottom``), which may lie between pixels."""
 
     left: float
@@ -19,7 +19,7 @@ class Rectangle:
     bottom: float
 
 
-def largest_rectangle(mask: Bools, proportion: float) -> Rectangle | None:
+def largest_rectangle(mask: Bools, proportion: float) -> PixelRectangle | None:
     """The largest rectangle of width ÷ height = ``proportion`` whose pixels and their neighbours are all true.
 
     Of several, the one nearest to the middle of ``mask`` (height, width); None if all are narrower than three pixels.
@@ -35,7 +35,7 @@ def largest_rectangle(mask: Bools, proportion: float) -> Rectangle | None:
     corners = _corners(sums, low, proportion)
     away = np.abs(corners + (np.array([height, low]) - np.array(mask.shape)) / 2.0).sum(axis=1)
     top, left = corners[np.argmin(away)]
-    return Rectangle(left + 1.0, top + 1.0, left + low - 2.0, top + height - 2.0)
+    return PixelRectangle(left + 1.0, top + 1.0, left + low - 2.0, top + height - 2.0)
 
 
 def _height(width: int, proportion: float) -> int:

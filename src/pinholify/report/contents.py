@@ -19,7 +19,7 @@ from pinholify.report.maps import (
     std_over_image,
 )
 from pinholify.report.model import Model, model_of
-from pinholify.report.overview import Intrinsics, Overview, intrinsics_of, overview_of
+from pinholify.report.overview import IntrinsicsSummary, Overview, intrinsics_of, overview_of
 from pinholify.report.pictures import Frame, Pictures
 from pinholify.report.provenance import Provenance
 from pinholify.report.scene import Scene, scene_of
@@ -57,7 +57,7 @@ class Report:
     image_size: tuple[int, int]
     overview: Overview
     frames: tuple[Frame, ...]
-    intrinsics: Intrinsics
+    intrinsics: IntrinsicsSummary
     boards: tuple[BoardEntry, ...]
     coverage: Coverage
     certainty: Certainty

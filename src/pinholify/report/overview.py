@@ -92,7 +92,7 @@ class Length:
 
 
 @dataclass(frozen=True, slots=True)
-class Intrinsics:
+class IntrinsicsSummary:
     """K of the virtual camera, and of the straightened view.
 
     ``view_focal`` and ``view_centre`` are K of the straightened picture of ``view_size``, in px. ``field_of_view`` is
@@ -111,14 +111,14 @@ class Intrinsics:
     disagreement: float
 
 
-def intrinsics_of(evaluation: Evaluation) -> Intrinsics:
+def intrinsics_of(evaluation: Evaluation) -> IntrinsicsSummary:
     """K of the evaluated camera."""
     calibration = evaluation.calibration
     camera = calibration.camera
     k = camera.intrinsics
     view = named_view(camera)
     lengths = zip(("f", "uc", "vc"), (k.f, k.uc, k.vc), calibration.intrinsics_std, strict=True)
-    return Intrinsics(
+    return IntrinsicsSummary(
         tuple(Length(name, value, float(std)) for name, value, std in lengths),
         calibration.square_mm,
         calibration.reference,

@@ -19,7 +19,7 @@ from pinholify.simulation.lenses import BrownConrady, Lens, Mirror, Pinhole, Res
 from pinholify.simulation.lenses.base import image_centre
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
-from pinholify.simulation.scene import CheckerboardTexture, Plane, Scene, cloudy
+from pinholify.simulation.scene import CheckerboardTexture, Scene, TexturedPlane, cloudy
 from pinholify.simulation.views import board_poses, true_corners, virtual_camera
 
 
@@ -92,7 +92,7 @@ class Dataset:
         dark, light = self.squares
         texture, background = CheckerboardTexture(self.board, dark=dark, light=light), cloudy(0.45, seed=self.seed)
         for i, pose in enumerate(self.poses()[:limit]):
-            picture = render(rays, Scene((Plane(pose, texture),), background))
+            picture = render(rays, Scene((TexturedPlane(pose, texture),), background))
             image = photograph(picture, self.sensor, (self.seed, i))
             yield Photograph(f"{self.name}-{i:02d}", image, true_corners(self.lens, self.board, pose), pose)
 

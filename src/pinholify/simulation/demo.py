@@ -12,7 +12,7 @@ from pinholify.simulation.datasets import Dataset
 from pinholify.simulation.lenses import Fisheye, Lens, bumpy
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import pixel_rays, render
-from pinholify.simulation.scene import Picture, Plane, Scene
+from pinholify.simulation.scene import Picture, Scene, TexturedPlane
 
 _FISHEYE = Fisheye((1280, 960), 600.0, (0.03, -0.01, 0.0, 0.0), (9.0, -6.0))
 _LENS = bumpy(_FISHEYE, count=16, width=140.0, shift=12.0, seed=8)
@@ -43,8 +43,8 @@ def street(lens: Lens = DEMO.lens, sensor: Sensor = DEMO.sensor) -> NDArray[np.u
     front = Picture(facade(width, per_metre), per_metre)
     scene = Scene(
         (
-            Plane(Pose(upright, np.array([-width / 2, -7.2, 7.0])), front),
-            Plane(Pose(lying, np.array([0.5, 2.8, 7.0])), pavement),
+            TexturedPlane(Pose(upright, np.array([-width / 2, -7.2, 7.0])), front),
+            TexturedPlane(Pose(lying, np.array([0.5, 2.8, 7.0])), pavement),
         ),
         sky,
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from pinholify.arrays import Floats, Ints
-from pinholify.simulation.lenses import Lens, Rays
+from pinholify.simulation.lenses import Lens, LensRays
 from pinholify.simulation.scene import Scene
 
 CHUNK_RAYS = 100_000
@@ -31,11 +31,11 @@ class PixelRays:
     origins: NDArray[np.float32]
     directions: NDArray[np.float32]
 
-    def at(self, pixels: Ints) -> Rays:
+    def at(self, pixels: Ints) -> LensRays:
         """The rays through the centres of ``pixels`` (n,), numbered row by row."""
-        return Rays(self.origins[pixels].astype(np.float64), self.directions[pixels].astype(np.float64))
+        return LensRays(self.origins[pixels].astype(np.float64), self.directions[pixels].astype(np.float64))
 
-    def around(self, pixels: Ints, offsets: Floats) -> Iterator[Rays]:
+    def around(self, pixels: Ints, offsets: Floats) -> Iterator[LensRays]:
         """For each of ``offsets`` (m, 2) px, the rays at that offset from the centres of ``pixels`` (n,).
 
         First order in the offset: the error is 1e-3 px, or a few 1e-2 px where rays graze the rim of a mirror.
@@ -43,9 +43,9 @@ class PixelRays:
         centre = self.at(pixels)
         along_u, along_v = self._slope(pixels, 0), self._slope(pixels, 1)
         for u, v in offsets:
-            yield Rays(*(c + u * du + v * dv for c, du, dv in zip(centre, along_u, along_v, strict=True)))
+            yield LensRays(*(c + u * du + v * dv for c, du, dv in zip(centre, along_u, along_v, strict=True)))
 
-    def _slope(self, pixels: Ints, axis: int) -> Rays:
+    def _slope(self, pixels: Ints, axis: int) -> LensRays:
         """Change of the rays per px along u (``axis`` 0) or v (1), by differences between both neighbours."""
         width, height = self.size
         place = pixels % width if axis == 0 else pixels // width
@@ -53,7 +53,7 @@ class PixelRays:
         stride = (1, width)[axis]
         before, after = self.at(pixels - stride * back), self.at(pixels + stride * forth)
         steps = (back.astype(np.float64) + forth)[:, None]
-        return Rays(*((b - a) / steps for a, b in zip(before, after, strict=True)))
+        return LensRays(*((b - a) / steps for a, b in zip(before, after, strict=True)))
 
 
 def pixel_rays(lens: Lens) -> PixelRays:

@@ -13,22 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinholify.arrays import Bools, Floats, Ints
-from pinholify.board import Checkerboard, CircleGrid, outline
+from pinholify.board import Checkerboard
 from pinholify.geometry import Pose
-from pinholify.simulation.lenses import Rays
+from pinholify.simulation.lenses import LensRays
 
 Texture = Callable[[Floats], Floats]
 Background = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plane:
+class TexturedPlane:
     """The plane z = 0 of the frame ``pose`` (camera_from_plane), with ``texture`` on both sides."""
 
     pose: Pose
     texture: Texture
 
-    def intersect(self, rays: Rays) -> tuple[Floats, Floats]:
+    def intersect(self, rays: LensRays) -> tuple[Floats, Floats]:
         """Distances (N,) along ``rays`` to the plane, inf for rays that do not meet it, and the points (N, 2) there."""
         normal, axes = self.pose.rotation[:, 2], self.pose.rotation[:, :2]
         start = rays.origins - self.pose.translation
@@ -42,10 +42,10 @@ class Plane:
 class Scene:
     """``planes``, in any order, that occlude one another, in front of an infinitely distant ``background``."""
 
-    planes: tuple[Plane, ...]
+    planes: tuple[TexturedPlane, ...]
     background: Background
 
-    def trace(self, rays: Rays) -> Floats:
+    def trace(self, rays: LensRays) -> Floats:
         """The colours (N, channels) that ``rays`` see; black for a ray of NaN."""
         nearest = np.full(len(rays.directions), np.inf)
         hits: list[tuple[Ints, Floats]] = []
@@ -87,28 +87,6 @@ class CheckerboardTexture:
         """Whether ``xy`` (N, 2) lies on the squares or at most ``margin`` beyond them."""
         around = 1 + 2 * margin
         return _inside(xy + (1 + margin), self.board.columns + around, self.board.rows + around)
-
-
-@dataclass(frozen=True, slots=True)
-class CircleGridTexture:
-    """``board`` on a light sheet that ends ``margin`` units beyond the outermost centres; centre 0 is the origin."""
-
-    board: CircleGrid
-    margin: float = 1.0
-    dark: float = 0.07
-    light: float = 0.9
-
-    def __call__(self, xy: Floats) -> Floats:
-        """Colours (N, 1) of ``xy`` (N, 2)."""
-        row = np.clip(np.rint(xy[:, 1]), 0, self.board.rows - 1).astype(np.int64)
-        first, second = (self.board.places(np.full_like(row, column), row)[:, 0] for column in (0, 1))
-        nearest = np.rint((xy[:, 0] - first) / (second - first))
-        column = np.clip(nearest, 0, self.board.columns - 1).astype(np.int64)
-        from_centre = np.linalg.norm(xy - self.board.places(column, row), axis=1)
-        colour = np.where(from_centre < self.board.diameter / 2, self.dark, self.light)
-        low, high = outline(self.board)
-        on_sheet = _inside(xy - low + self.margin, *(high - low + 2 * self.margin))
-        return np.asarray(np.where(on_sheet, colour, np.nan)[:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -155,7 +155,7 @@ class Uploads:
             state.set_activity(None)
             self.context.discard(arrived, folder)
 
-    def _on_video_message(self, session_id: str, message: video.Progress | video.Frame) -> None:
+    def _on_video_message(self, session_id: str, message: video.Progress | video.VideoFrame) -> None:
         if isinstance(message, video.Progress):
             self.context.state(session_id).set_activity("Searching the video", message.share)
             return

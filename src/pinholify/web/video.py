@@ -23,7 +23,7 @@ COMPARED_SIDE = 640
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class VideoFrame:
     """A chosen frame, in a ``folder`` with ``original.png`` and its previews."""
 
     inspection: Inspection
@@ -57,7 +57,7 @@ def frames(
     limits: tuple[int, int],
     folder: Path,
 ) -> int:
-    """Report each :class:`Frame` of the video ``path`` whose posture differs from those ``kept``, and the progress.
+    """Report each :class:`VideoFrame` of ``path`` whose posture differs from those ``kept``, and the progress.
 
     ``limits`` are the largest number of pixels of a frame and of frames. Frames are written into ``folder``. Returns
     the number of frames; raises InputError if the file is not a video, is too large, or shows no board.
@@ -127,7 +127,7 @@ def _sharpness(image: Image) -> float:
     return float(cv2.Laplacian(reduced(grey, COMPARED_SIDE), cv2.CV_32F).var())
 
 
-def _written(image: Image, inspection: Inspection, folder: Path) -> Frame:
+def _written(image: Image, inspection: Inspection, folder: Path) -> VideoFrame:
     write_previews(image, folder)
     write_image(folder / "original.png", image)
-    return Frame(inspection, folder)
+    return VideoFrame(inspection, folder)

@@ -116,7 +116,7 @@ def _camera(theirs: ForeignCamera, plane_map: SplineMap, hull: ConvexRegion, sig
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lens:
+class ForeignLens:
     """A projection as a map from azimuthal equidistant angles q (n, 2) to pixels, and its one-to-one part.
 
     ``angles`` and ``pixels`` (m, 2) sample that part; ``sign`` is the handedness of the image there.
@@ -155,12 +155,12 @@ class Lens:
         return np.where(found[:, None], q, np.nan)
 
 
-def _lens(theirs: ForeignCamera) -> Lens:
+def _lens(theirs: ForeignCamera) -> ForeignLens:
     """``theirs`` with its one-to-one part: along each direction from the axis, up to where it folds."""
     theta = np.geomspace(NARROWEST, WIDEST, ANGLES)
     phi = np.linspace(0.0, 2.0 * np.pi, AZIMUTHS, endpoint=False)
     grid = theta[:, None, None] * np.stack([np.cos(phi), np.sin(phi)], axis=1)
-    axis = Lens(theirs, np.zeros((1, 2)), theirs.centre[None], 1.0)
+    axis = ForeignLens(theirs, np.zeros((1, 2)), theirs.centre[None], 1.0)
     middle = axis.jacobian(axis.angles)[0]
     if not np.isfinite(middle).all():
         raise _blind(theirs)
@@ -169,7 +169,7 @@ def _lens(theirs: ForeignCamera) -> Lens:
     return replace(lens, angles=angles, pixels=lens.value(angles))
 
 
-def _followed(lens: Lens, grid: Floats) -> Bools:
+def _followed(lens: ForeignLens, grid: Floats) -> Bools:
     """Which points of ``grid`` (angles, azimuths, 2) belong to the one-to-one part: (angles, azimuths).
 
     Along each direction it ends where the projection folds or has left the image; if the projection returns to the
@@ -196,7 +196,7 @@ def _blind(theirs: ForeignCamera) -> CalibrationError:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class PixelBox:
     """A rectangle of pixels between its outer edges ``low`` and ``high`` (2,) px."""
 
     low: Floats
@@ -223,15 +223,15 @@ class Frame:
         return [max(fewest, round(count * float(side / sides.max()))) for side in sides]
 
 
-def _frame(image_size: tuple[int, int], margin: float) -> Frame:
+def _frame(image_size: tuple[int, int], margin: float) -> PixelBox:
     """The image, extended on all sides by the fraction ``margin`` of its longer side."""
     size = np.array(image_size, dtype=np.float64)
     beyond = margin * size.max()
-    return Frame(np.full(2, -0.5 - beyond), size - 0.5 + beyond)
+    return PixelBox(np.full(2, -0.5 - beyond), size - 0.5 + beyond)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class SplineFit:
     """A spline ``surface`` fitted to a lens, valid in the region ``known``; ``hull`` is the part of it in the image.
 
     ``rms_px`` and ``largest_px`` are the errors over ``known``.
@@ -244,7 +244,7 @@ class Fit:
     largest_px: float
 
 
-def _spline(lens: Lens) -> Fit:
+def _spline(lens: ForeignLens) -> SplineFit:
     """Fit a spline to ``lens`` over the image, and with a margin around it if the lens is defined everywhere there."""
     image, wider = (_frame(lens.camera.image_size, margin) for margin in (0.0, MARGIN))
     if np.isfinite(lens.inverse(wider.pixels(SAMPLES * CELLS[0] + 1))).all():
@@ -254,17 +254,17 @@ def _spline(lens: Lens) -> Fit:
     return _fine_enough(lens, image)
 
 
-def _fine_enough(lens: Lens, frame: Frame) -> Fit:
+def _fine_enough(lens: ForeignLens, frame: PixelBox) -> SplineFit:
     """Fit the coarsest spline that reproduces ``lens`` on ``frame``, or else the finest one."""
     for cells in CELLS:
         surface, known = _fit(lens, frame, cells)
         known, rms, largest = _tested(lens, surface, known, frame, cells)
         if largest < TOLERANCE:
             break
-    return Fit(surface, known, known, rms, largest)
+    return SplineFit(surface, known, known, rms, largest)
 
 
-def _fit(lens: Lens, frame: Frame, cells: int) -> tuple[SplineSurface, ConvexRegion]:
+def _fit(lens: ForeignLens, frame: PixelBox, cells: int) -> tuple[SplineSurface, ConvexRegion]:
     """The spline with ``cells`` along the longer side, and the region where the lens is defined."""
     uv = frame.pixels(SAMPLES * cells + 1)
     q = lens.inverse(uv)
@@ -274,7 +274,7 @@ def _fit(lens: Lens, frame: Frame, cells: int) -> tuple[SplineSurface, ConvexReg
 
 
 def _tested(
-    lens: Lens, surface: SplineSurface, known: ConvexRegion, frame: Frame, cells: int
+    lens: ForeignLens, surface: SplineSurface, known: ConvexRegion, frame: PixelBox, cells: int
 ) -> tuple[ConvexRegion, float, float]:
     """The part of ``known`` where the spline reproduces the lens, with the RMS and the largest error there in px.
 
@@ -295,7 +295,7 @@ def _tested(
         known = _region(lens, uv[errors < WORST], uv[errors >= WORST])
 
 
-def _region(lens: Lens, known: Floats, unknown: Floats) -> ConvexRegion:
+def _region(lens: ForeignLens, known: Floats, unknown: Floats) -> ConvexRegion:
     """A convex region of ``known`` pixels (n, 2) without ``unknown`` (m, 2); raises CalibrationError if it is tiny."""
     width, height = lens.camera.image_size
     if len(known) < 3 or (hull := _inscribed(known, unknown)).area < LEAST_COVERED * width * height:

@@ -5,7 +5,7 @@ A new lens is one new file and one line here; the conformance tests run over the
 
 from __future__ import annotations
 
-from pinholify.simulation.lenses.base import Lens, Rays
+from pinholify.simulation.lenses.base import Lens, LensRays
 from pinholify.simulation.lenses.brown_conrady import BrownConrady
 from pinholify.simulation.lenses.fisheye import Fisheye
 from pinholify.simulation.lenses.mirror import Mirror
@@ -15,8 +15,21 @@ from pinholify.simulation.lenses.unity import Unity
 from pinholify.simulation.lenses.water import WaterPane
 from pinholify.simulation.lenses.windscreen import Bump, Windscreen, bumpy
 
-__all__ = ["LENSES", "BrownConrady", "Bump", "Fisheye", "Lens", "Mirror", "Pinhole", "Rays", "Resized",
-           "Unity", "WaterPane", "Windscreen", "bumpy"]
+__all__ = [
+    "LENSES",
+    "BrownConrady",
+    "Bump",
+    "Fisheye",
+    "Lens",
+    "LensRays",
+    "Mirror",
+    "Pinhole",
+    "Resized",
+    "Unity",
+    "WaterPane",
+    "Windscreen",
+    "bumpy",
+]
 
 _WIDE = Fisheye((1280, 960), 450.0, (0.02, -0.008, 0.001, 0.0), (6.0, -9.0))
 

@@ -9,7 +9,7 @@ import numpy as np
 from pinholify.arrays import Floats
 
 
-class Rays(NamedTuple):
+class LensRays(NamedTuple):
     """Rays in the camera frame (x right, y down, z forward): ``origins`` and unit ``directions``, (N, 3) each.
 
     Directions point from the camera into the scene; they are NaN where a pixel sees nothing.
@@ -32,7 +32,7 @@ class Lens(Protocol):
         """Whether all rays start at one point, the origin of the camera frame."""
         ...
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         """The rays that the pixels ``uv`` (N, 2) see."""
         ...
 
@@ -50,9 +50,9 @@ def unit(vectors: Floats) -> Floats:
     return np.asarray(vectors / np.sqrt(x**2 + y**2 + z**2)[:, None])
 
 
-def central_rays(directions: Floats) -> Rays:
+def central_rays(directions: Floats) -> LensRays:
     """Rays from the origin along ``directions`` (N, 3), which need not be of unit length."""
-    return Rays(np.broadcast_to(np.zeros(3), directions.shape), unit(directions))
+    return LensRays(np.broadcast_to(np.zeros(3), directions.shape), unit(directions))
 
 
 def image_centre(size: tuple[int, int]) -> Floats:

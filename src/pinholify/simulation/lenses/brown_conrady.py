@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from pinholify.arrays import Floats, Ints
 from pinholify.geometry import apply_homography
-from pinholify.simulation.lenses.base import Rays, central_rays, image_centre
+from pinholify.simulation.lenses.base import LensRays, central_rays, image_centre
 from pinholify.simulation.newton import smallest_positive, solve
 
 
@@ -67,7 +67,7 @@ class BrownConrady:
         dv = [cross + prism_y * x, g + 2 * y**2 * slope + 6 * p1 * y + 2 * p2 * x + prism_y * y]
         return value, np.stack([np.stack(du, axis=1), np.stack(dv, axis=1)], axis=1)
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         """The rays that the pixels ``uv`` (N, 2) see; NaN beyond the largest distorted radius."""
         distorted = apply_homography(np.asarray(np.linalg.inv(self._sensor)), uv)
         limit = self._radius_squared_limit

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from pinholify.arrays import Floats, Ints
-from pinholify.simulation.lenses.base import Rays, central_rays, image_centre
+from pinholify.simulation.lenses.base import LensRays, central_rays, image_centre
 from pinholify.simulation.newton import smallest_positive, solve
 
 
@@ -48,7 +48,7 @@ class Fisheye:
         theta[theta > limit] = np.nan
         return theta
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         """The rays that the pixels ``uv`` (N, 2) see; NaN outside the image circle."""
         d = (uv - image_centre(self.size) - self.offset) / self.focal
         radius = np.linalg.norm(d, axis=1, keepdims=True)

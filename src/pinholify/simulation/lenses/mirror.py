@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pinholify.arrays import Floats, Ints
 from pinholify.geometry import Pose
-from pinholify.simulation.lenses.base import Lens, Rays, require_central, unit
+from pinholify.simulation.lenses.base import Lens, LensRays, require_central, unit
 from pinholify.simulation.newton import solve
 
 
@@ -63,7 +63,7 @@ class Mirror:
     def _inside(self, xy: Floats) -> Floats:
         return np.asarray(np.where((xy**2).sum(axis=1, keepdims=True) <= self.radius**2, xy, np.nan))
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         """The reflected rays of the pixels ``uv`` (N, 2), starting at the mirror; NaN for pixels that miss it."""
         pose = self._camera_from_mirror
         directions = self.lens.unproject(uv).directions @ pose.rotation
@@ -80,7 +80,7 @@ class Mirror:
         hits[:, :2] = self._inside(hits[:, :2])
         _, slope, _ = self._surface(hits[:, :2])
         normals = unit(np.concatenate([slope, -np.ones((len(slope), 1))], axis=1))
-        return Rays(pose.apply(hits), reflect(directions, normals) @ pose.rotation.T)
+        return LensRays(pose.apply(hits), reflect(directions, normals) @ pose.rotation.T)
 
     def project(self, points: Floats) -> Floats:
         """Pixels (N, 2) of ``points`` (N, 3) in front of the mirror; NaN where it does not show them."""

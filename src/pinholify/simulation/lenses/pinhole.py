@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Floats
-from pinholify.simulation.lenses.base import Rays, central_rays, image_centre
+from pinholify.simulation.lenses.base import LensRays, central_rays, image_centre
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,7 @@ class Pinhole:
     offset: tuple[float, float] = (0.0, 0.0)
     central = True
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         """The rays that the pixels ``uv`` (N, 2) see."""
         plane = (uv - image_centre(self.size) - self.offset) / self.focal
         return central_rays(np.concatenate([plane, np.ones((len(uv), 1))], axis=1))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Floats
-from pinholify.simulation.lenses.base import Lens, Rays
+from pinholify.simulation.lenses.base import Lens, LensRays
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Resized:
     def _scale(self) -> Floats:
         return np.asarray(np.array(self.size, dtype=np.float64) / np.array(self.lens.size))
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         """The rays that the pixels ``uv`` (N, 2) see."""
         return self.lens.unproject((uv + 0.5) / self._scale - 0.5)
 

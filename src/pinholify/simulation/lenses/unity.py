@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Floats
-from pinholify.simulation.lenses.base import Rays
+from pinholify.simulation.lenses.base import LensRays
 from pinholify.simulation.lenses.pinhole import Pinhole
 
 
@@ -50,7 +50,7 @@ class Unity:
         moved = self._stretch(r) if stretch else self._compress(r)
         return np.asarray((q * (moved / r) + middle) * wh - 0.5)
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         """The rays that the pixels ``uv`` (N, 2) see."""
         return Pinhole(self.size, self.focal).unproject(self._move(uv, stretch=self.intensity > 0))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Floats, Ints
-from pinholify.simulation.lenses.base import Lens, Rays, require_central
+from pinholify.simulation.lenses.base import Lens, LensRays, require_central
 from pinholify.simulation.newton import solve
 
 
@@ -51,7 +51,7 @@ class WaterPane:
     def _normal(self) -> Floats:
         return np.asarray(np.array(self.normal) / np.linalg.norm(self.normal))
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         """The rays in water of the pixels ``uv`` (N, 2), from the pane's outer face; NaN where they miss the pane."""
         normal = self._normal
         in_air = self.lens.unproject(uv).directions
@@ -60,7 +60,7 @@ class WaterPane:
         in_glass = refract(in_air, normal, 1 / self.glass_index)
         in_water = refract(in_glass, normal, self.glass_index / self.water_index)
         outer = in_air * self.distance / cosine + in_glass * self.thickness / (in_glass @ normal)[:, None]
-        return Rays(outer, in_water)
+        return LensRays(outer, in_water)
 
     def project(self, points: Floats) -> Floats:
         """Pixels (N, 2) of ``points`` (N, 3) in the water; NaN for points that are not behind the pane."""

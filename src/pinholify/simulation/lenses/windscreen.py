@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinholify.arrays import Floats, Ints
-from pinholify.simulation.lenses.base import Lens, Rays
+from pinholify.simulation.lenses.base import Lens, LensRays
 from pinholify.simulation.newton import solve
 
 
@@ -59,7 +59,7 @@ class Windscreen:
     def _bend(self, uv: Floats) -> Floats:
         return uv + sum((bump.bend(uv) for bump in self.bumps), np.zeros_like(uv))
 
-    def unproject(self, uv: Floats) -> Rays:
+    def unproject(self, uv: Floats) -> LensRays:
         """The rays that the pixels ``uv`` (N, 2) see."""
         return self.lens.unproject(self._bend(uv))
 

@@ -13,7 +13,7 @@ from pinholify.geometry import Pose
 from pinholify.simulation.lenses import Lens
 from pinholify.simulation.photograph import Sensor, photograph
 from pinholify.simulation.rendering import CHUNK_RAYS, PixelRays, golden_lattice, pixel_rays
-from pinholify.simulation.scene import Plane
+from pinholify.simulation.scene import TexturedPlane
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +51,7 @@ def view_screen(
     """
     width, height = rays.size
     found = np.empty((samples, width * height), np.int32)
-    screen = Plane(pose, lambda xy: xy)
+    screen = TexturedPlane(pose, lambda xy: xy)
     for start in range(0, width * height, CHUNK_RAYS):
         pixels = np.arange(start, min(start + CHUNK_RAYS, width * height))
         for i, shifted in enumerate(rays.around(pixels, golden_lattice(samples) - 0.5)):
