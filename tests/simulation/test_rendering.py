@@ -242,7 +242,7 @@ def test_poses_fit_all_lenses_and_come_from_the_seed() -> None:
 
 
 def test_no_room_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(views, "MOST_TRIES", 50)
+    monkeypatch.setattr(views, "MAX_TRIES", 50)
     with pytest.raises(ValueError, match="poses were found that fit"):
         board_poses([Pinhole((64, 48), 60.0)], Checkerboard(60, 30), 2, seed=0, margin=0.0155)
     with pytest.raises(ValueError, match="no distance"):

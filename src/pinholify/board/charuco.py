@@ -21,7 +21,7 @@ MARKERS: dict[str, int] = {
 }
 """OpenCV's dictionaries of square markers, with the number of markers in each."""
 
-LARGEST_MARKER = 0.98
+MAX_MARKER = 0.98
 """Side of a marker ÷ side of its square above which it cannot be separated from the black squares around it."""
 
 
@@ -49,10 +49,10 @@ class Charuco:
                 f"the board needs {needed} markers, but {self.dictionary} has only {MARKERS[self.dictionary]}; "
                 "choose a larger dictionary or a smaller board"
             )
-        if not 0.0 < self.marker <= LARGEST_MARKER:
+        if not 0.0 < self.marker <= MAX_MARKER:
             raise BoardError(
                 f"a marker of {self.marker:g} of a square was requested; it must be above 0 and at most "
-                f"{LARGEST_MARKER:g}, so that white is left around it (0.5 to 0.8 works best)"
+                f"{MAX_MARKER:g}, so that white is left around it (0.5 to 0.8 works best)"
             )
 
     @property

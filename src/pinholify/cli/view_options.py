@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # loads NumPy, which no --help should wait for
     from pinholify.rectification.straightener import Straightener
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
-LEAST_SAID = 0.0005  # share outside of a view that is reported
+MIN_SHARE_SAID = 0.0005  # share outside of a view that is reported
 
 FLAT_VIEWS = {name: kind for name, kind in VIEWS.items() if kind.surface == "plane"}
 
@@ -47,7 +47,7 @@ def _left_out(straightener: Straightener) -> list[str]:
     outside = share_outside(camera, view, wanted.max_std)
     wider = "--fov, or --view cylindrical or equirectangular, shows more"
     return [f"{100 * outside:.1f} % of the known part of the photograph lies outside the view; {wider}"] * (
-        outside >= LEAST_SAID
+        outside >= MIN_SHARE_SAID
     )
 
 

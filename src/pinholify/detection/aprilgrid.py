@@ -20,7 +20,7 @@ from scipy.optimize import minimize_scalar
 from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import FAMILIES, AprilGrid
 from pinholify.corners import Corners, not_found, sorted_by_id
-from pinholify.detection.growth import FEWEST_CORNERS, regular, signs
+from pinholify.detection.growth import MIN_LATTICE_CORNERS, regular, signs
 from pinholify.detection.intensity import Grey, grey_levels, reduced
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.prediction import predict
@@ -31,7 +31,7 @@ from pinholify.detection.tags import Tags, agreeing_tags, find_tags, larger_grid
 CLEAR_SHARE = 0.8
 """Half side of a window ÷ distance from the corner to the nearest thing outside its four sectors."""
 
-WIDEST_WINDOW_PX = 12.0
+MAX_WINDOW_PX = 12.0
 """Largest half window whose samples are dense enough to locate an edge; wider ones are fitted in a reduced image."""
 
 INWARD_PX = 3.0
@@ -43,13 +43,13 @@ SLIVER_AREA = 0.05
 LEGIBLE_TAG_PX = 30.0
 """Side from which on tags are large enough for their corners to be found."""
 
-LEAST_FRAME_SHARE = 0.4
+MIN_FRAME_SHARE = 0.4
 """Smallest share of its size to which a window is reduced near the image's border."""
 
 ROUGH_GAP, FINE_GAP = 0.1, 0.015
 """Tolerance of the gap between tags, in tag sides, before and after the lattice has grown."""
 
-FEWEST_FOR_GAP = 20
+MIN_CORNERS_FOR_GAP = 20
 """Corners needed to distinguish a lens's distortion from a wrong gap: the cubic that is fitted has ten terms."""
 
 DARK_FIRST = -1
@@ -85,12 +85,12 @@ def _of_tags(grey: Grey, tags: Tags, board: AprilGrid, name: str) -> Corners:
     if abs((gap := _rough_gap(seed, board)) - board.gap) > ROUGH_GAP:
         return not_found(name, _other_gap(gap, board))
     grown = _grown(levels, seed, grid)
-    if len(grown) < FEWEST_CORNERS:
+    if len(grown) < MIN_LATTICE_CORNERS:
         return not_found(name, _no_crossings(tags, board))
     fitted = refine_lattice(grey, grown, grid.fine)
-    if len(fitted) < FEWEST_CORNERS:
+    if len(fitted) < MIN_LATTICE_CORNERS:
         return not_found(name, f"only {len(fitted)} corners of the board {board.spec} were found")
-    if len(fitted) >= FEWEST_FOR_GAP and abs((gap := _fine_gap(fitted, board)) - board.gap) > FINE_GAP:
+    if len(fitted) >= MIN_CORNERS_FOR_GAP and abs((gap := _fine_gap(fitted, board)) - board.gap) > FINE_GAP:
         return not_found(name, _other_gap(gap, board))
     return sorted_by_id(Corners(name, fitted.ids(board), fitted.uv, fitted.weights))
 
@@ -159,7 +159,7 @@ def _levels(grey: Grey, tags: Tags, grid: _Grid) -> list[Grey]:
 
 def _level(width: Floats) -> Ints:
     """How often the image has to be halved for half windows of ``width`` px."""
-    return np.ceil(np.log2(np.maximum(width / WIDEST_WINDOW_PX, 1.0))).astype(np.int64)
+    return np.ceil(np.log2(np.maximum(width / MAX_WINDOW_PX, 1.0))).astype(np.int64)
 
 
 def _snapped(levels: list[Grey], tags: Tags, grid: _Grid) -> Lattice:
@@ -181,13 +181,13 @@ def _snapped(levels: list[Grey], tags: Tags, grid: _Grid) -> Lattice:
 def _crossings(levels: list[Grey], expected: Lattice, frames: Floats) -> Lattice:
     """``expected`` moved to the saddles in its ``frames`` (n, 2, 2) px; corners without one are dropped.
 
-    Frames that reach beyond the image are reduced, to LEAST_FRAME_SHARE of their size at most; slivers are skipped.
+    Frames that reach beyond the image are reduced, to MIN_FRAME_SHARE of their size at most; slivers are skipped.
     """
     wide = np.abs(np.linalg.det(frames)) > SLIVER_AREA * np.prod(np.linalg.norm(frames, axis=1), axis=1)
     size = np.array([levels[0].shape[1], levels[0].shape[0]]) - 1
     room = np.minimum(expected.uv, size - expected.uv)
     shrunk = np.minimum((room / np.abs(frames).sum(axis=2)).min(axis=1), 1.0)
-    inside = wide & (shrunk > LEAST_FRAME_SHARE)
+    inside = wide & (shrunk > MIN_FRAME_SHARE)
     expected, frames = expected.select(inside), (frames * shrunk[:, None, None])[inside]
     level = np.minimum(_level(np.linalg.norm(frames, axis=1).max(axis=1)), len(levels) - 1)
     uv, clear = expected.uv.copy(), np.zeros(len(expected), dtype=bool)

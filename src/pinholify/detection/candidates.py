@@ -22,7 +22,7 @@ RING_RADIUS = 4.0
 
 RING_SAMPLES = 32
 
-MOST_CANDIDATES = 20_000
+MAX_CANDIDATES = 20_000
 """Saddles considered, the strongest; photographs of gravel have far more."""
 
 CONTRAST_PIXELS = 100_000
@@ -78,8 +78,8 @@ def _saddles(smooth: Grey, least_contrast: float) -> tuple[Floats, Floats]:
     peak = (saddleness > threshold) & (saddleness >= cv2.dilate(saddleness, np.ones((5, 5), np.uint8)))
     peak[:3], peak[-3:], peak[:, :3], peak[:, -3:] = False, False, False, False
     v, u = np.nonzero(peak)
-    if len(u) > MOST_CANDIDATES:
-        strongest = np.argpartition(-saddleness[v, u], MOST_CANDIDATES)[:MOST_CANDIDATES]
+    if len(u) > MAX_CANDIDATES:
+        strongest = np.argpartition(-saddleness[v, u], MAX_CANDIDATES)[:MAX_CANDIDATES]
         v, u = v[strongest], u[strongest]
     right, down = smooth[v, u + 1] - smooth[v, u - 1], smooth[v + 1, u] - smooth[v - 1, u]
     gradient = np.stack([right, down], axis=1) / 2.0

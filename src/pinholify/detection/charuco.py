@@ -19,7 +19,7 @@ from pinholify.arrays import Floats
 from pinholify.board import Charuco
 from pinholify.corners import Corners, not_found, sorted_by_id
 from pinholify.detection.candidates import find_candidates
-from pinholify.detection.growth import BESIDE_EDGE, FEWEST_CORNERS, Grower, grower, regular
+from pinholify.detection.growth import BESIDE_EDGE, MIN_LATTICE_CORNERS, Grower, grower, regular
 from pinholify.detection.intensity import Grey, grey_levels, stretched
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.markers import Markers, read_markers
@@ -59,18 +59,19 @@ def detect_charuco(image: NDArray[Any], board: Charuco, *, name: str, mirrored: 
     ``mirrored`` is not used: markers are read in the flipped image too.
     """
     plain = _read(grey_levels(image), board)
-    sure = _agreed(plain.rough) >= FEWEST_CORNERS
+    sure = _agreed(plain.rough) >= MIN_LATTICE_CORNERS
     flipped = plain if sure else _read(np.ascontiguousarray(plain.grey[:, ::-1]), board)
     read = max(plain, flipped, key=lambda each: len(each.markers))
-    if len(read.rough) < FEWEST_CORNERS or min(np.ptp(read.rough.index, axis=0)) == 0:  # a line has no second direction
+    # A line has no second direction.
+    if len(read.rough) < MIN_LATTICE_CORNERS or min(np.ptp(read.rough.index, axis=0)) == 0:
         return not_found(name, _instead(read, board) or f"too few markers of the board {board.spec} were found")
     growing = grower(read.grey, find_candidates(read.grey), beside=min(BESIDE_EDGE, (1.0 - board.marker) / 4.0))
     seed = _seed(growing, read.rough)
-    if len(seed) < FEWEST_CORNERS:
+    if len(seed) < MIN_LATTICE_CORNERS:
         few = f"markers of the board {board.spec} were read, but only {len(seed)} corners beside them"
         return not_found(name, _instead(read, board) or few)
     fitted = refine_lattice(read.grey, _on_board(growing.grow(seed), board))
-    if len(fitted) < FEWEST_CORNERS:
+    if len(fitted) < MIN_LATTICE_CORNERS:
         return not_found(name, f"only {len(fitted)} corners of the board {board.spec} were found")
     uv = fitted.uv if read is plain else fitted.uv * [-1, 1] + [read.grey.shape[1] - 1, 0]
     return sorted_by_id(Corners(name, fitted.ids(board), uv, fitted.weights))
@@ -101,9 +102,9 @@ def _instead(read: _Read, board: Charuco) -> str:
         read.markers, {float(n): (n, board.marker) for n in range(3, MOST_SQUARES + 1)}
     )
     side, by_side = _most_agreed(read.markers, {side: (declared, side) for side in MARKER_SIDES})
-    if by_side > max(by_columns, FEWEST_CORNERS):
+    if by_side > max(by_columns, MIN_LATTICE_CORNERS):
         return f"markers were read, but their side is about {side:.1g} of a square's, not {board.marker:g}"
-    if by_columns >= FEWEST_CORNERS and columns != declared:
+    if by_columns >= MIN_LATTICE_CORNERS and columns != declared:
         return f"markers were read, but they stand as on a board of {columns:g} columns of squares, not {declared}"
     dictionary = _other_dictionary(read.grey, board)
     return f"no markers of {board.dictionary} were found, but those of {dictionary} or a larger one" * bool(dictionary)
@@ -127,7 +128,7 @@ def _other_dictionary(grey: Grey, board: Charuco) -> str:
     own = board.dictionary.rsplit("_", 1)[0]
     others = [name for name in USUAL_DICTIONARIES if not name.startswith(own)]
     most = max(read_markers(stretched(grey), others), key=len)
-    return most.dictionary if len(most) >= FEWEST_CORNERS else ""
+    return most.dictionary if len(most) >= MIN_LATTICE_CORNERS else ""
 
 
 def _arranged(markers: Markers, columns: int, rows: int, phase: int, side: float) -> Lattice:

@@ -12,8 +12,8 @@ from pinholify.arrays import Floats
 from pinholify.board import Board, Checkerboard, size
 from pinholify.corners import Corners, not_found
 from pinholify.detection.candidates import find_candidates
-from pinholify.detection.growth import FEWEST_CORNERS, Grower, grower
-from pinholify.detection.intensity import SMALLEST_SIDE, Grey, grey_levels, halvings, reduced
+from pinholify.detection.growth import MIN_LATTICE_CORNERS, Grower, grower
+from pinholify.detection.intensity import MIN_SIDE_PX, Grey, grey_levels, halvings, reduced
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.merging import merged
 from pinholify.detection.placement import ends, place
@@ -22,7 +22,7 @@ from pinholify.detection.refine import refine_lattice
 FAR_LARGER = 2
 """A lattice of more corners than this times the square of the board's longer side shows a larger pattern."""
 
-LARGEST_BOARD = 4000
+MAX_BOARD_CORNERS = 4000
 """Corners of the largest board whose size is determined."""
 
 FIRST_SIDE = 1400
@@ -46,9 +46,9 @@ def detect_checkerboard(image: NDArray[Any], board: Board, *, name: str, mirrore
 def detect_size(image: NDArray[Any]) -> Checkerboard | None:
     """The size of the largest checkerboard in ``image`` whose four margins are all visible, columns ≥ rows."""
     grey = grey_levels(image)
-    if min(grey.shape) < SMALLEST_SIDE:
+    if min(grey.shape) < MIN_SIDE_PX:
         return None
-    for lattices in _searches(grey, LARGEST_BOARD):
+    for lattices in _searches(grey, MAX_BOARD_CORNERS):
         for lattice in sorted(lattices, key=len, reverse=True):
             lattice = lattice.at_origin()
             seen = ends(grey, lattice)
@@ -65,10 +65,10 @@ def _searches(grey: Grey, most: int) -> Iterator[list[Lattice]]:
     levels = halvings(grey, FIRST_SIDE)
     for level in [*range(levels, -1, -1), levels + 1]:
         smaller = reduced(grey, level)
-        if min(smaller.shape) >= SMALLEST_SIDE:
+        if min(smaller.shape) >= MIN_SIDE_PX:
             found = _grown(grower(smaller, find_candidates(smaller), most=most))
             refined = [refine_lattice(grey, _enlarged(lattice, 2**level)) for lattice in found]
-            yield [lattice for lattice in refined if len(lattice) >= FEWEST_CORNERS]
+            yield [lattice for lattice in refined if len(lattice) >= MIN_LATTICE_CORNERS]
 
 
 def _grown(growing: Grower) -> list[Lattice]:

@@ -19,10 +19,10 @@ from pinholify.arrays import Bools, Floats, Ints, joined
 from pinholify.board import CircleGrid, lattice
 from pinholify.corners import Corners, not_found, sorted_by_id
 from pinholify.detection.discs import Discs, find_discs, fit_discs
-from pinholify.detection.growth import FEWEST_CORNERS, MOST_REPAIRS, SIDES, frontier, gate
+from pinholify.detection.growth import MAX_REPAIRS, MIN_LATTICE_CORNERS, SIDES, frontier, gate
 from pinholify.detection.intensity import Grey, grey_levels, halvings, reduced
 from pinholify.detection.lattice import Lattice
-from pinholify.detection.placement import FEWEST_OF_PART
+from pinholify.detection.placement import MIN_CORNERS_OF_PART
 from pinholify.detection.prediction import local_frames, predict
 from pinholify.detection.refine import STD_FLOOR_PX
 from pinholify.detection.saddle import sample
@@ -30,7 +30,7 @@ from pinholify.detection.saddle import sample
 FIRST_SIDE = 2000
 """The search starts on an image reduced by powers of two to at most this width and height (px)."""
 
-MOST_SEEDS = 40
+MAX_SEEDS = 40
 NEIGHBOURS = 8
 
 CROSS_TOLERANCE_DEG = 30.0
@@ -124,13 +124,13 @@ def _radii_between(a: Discs, b: Discs) -> Floats:
 
 
 def _lattices(grey: Grey, discs: Discs) -> Iterator[_Grown]:
-    """Lattices of at least FEWEST_CORNERS discs, the most regular seed first; no disc is used twice."""
-    if len(discs) < FEWEST_CORNERS:
+    """Lattices of at least MIN_LATTICE_CORNERS discs, the most regular seed first; no disc is used twice."""
+    if len(discs) < MIN_LATTICE_CORNERS:
         return
     tree = cKDTree(discs.uv)
     free = np.ones(len(discs), dtype=bool)
     seeds, crosses = _seeds(discs, tree)
-    for seed, cross in list(zip(seeds.tolist(), crosses, strict=True))[:MOST_SEEDS]:
+    for seed, cross in list(zip(seeds.tolist(), crosses, strict=True))[:MAX_SEEDS]:
         if not free[seed]:
             continue
         start = np.array([seed, *cross])
@@ -138,7 +138,7 @@ def _lattices(grey: Grey, discs: Discs) -> Iterator[_Grown]:
         grown = _grow(grey, discs, tree, _Grown(_plain(index, discs.uv[start]), discs.select(start)))
         used = tree.query_ball_point(grown.lattice.uv, 2.0)
         free[[i for group in used for i in group]] = False
-        if len(grown.lattice) >= FEWEST_CORNERS:
+        if len(grown.lattice) >= MIN_LATTICE_CORNERS:
             yield _fitted(grey, grown)
 
 
@@ -180,14 +180,14 @@ def _seeds(discs: Discs, tree: cKDTree) -> tuple[Ints, Ints]:
 def _grow(grey: Grey, discs: Discs, tree: cKDTree, grown: _Grown) -> _Grown:
     """``grown`` with every disc that can be reached from it, without irregular ones."""
     banned: set[tuple[int, int]] = set()
-    for _ in range(MOST_REPAIRS):
+    for _ in range(MAX_REPAIRS):
         while True:
             larger = _ring(grey, discs, tree, grown, banned)
             if len(larger.lattice) == len(grown.lattice):
                 break
             grown = larger
         kept = grown.even()
-        if kept.all() or len(grown.lattice) < FEWEST_CORNERS:
+        if kept.all() or len(grown.lattice) < MIN_LATTICE_CORNERS:
             break
         banned |= {(int(i), int(j)) for i, j in grown.lattice.index[~kept]}
         grown = grown.select(kept)
@@ -258,7 +258,7 @@ def _placed(grey: Grey, grown: _Grown, board: CircleGrid, *, name: str, mirrored
         right = f"circles:{board.columns}x{board.rows}{':asymmetric' * board.asymmetric}:{seen:.2f}"
         measured = f"the diameter of the circles is {seen:.2f} of their spacing, not {board.diameter:g}"
         return not_found(name, f"{measured}: give {right} if that is the board")
-    if len(points) < min(FEWEST_OF_PART, len(whole)):
+    if len(points) < min(MIN_CORNERS_OF_PART, len(whole)):
         return not_found(name, f"only {len(points)} circles of a grid were found")
     symmetries = len(_ways(whole, whole, mirrored=False))
     if len(ways) > symmetries:

@@ -13,7 +13,7 @@ from pinholify.detection.aprilgrid import detect_aprilgrid
 from pinholify.detection.charuco import detect_charuco
 from pinholify.detection.checkerboard import detect_checkerboard
 from pinholify.detection.circles import detect_circles
-from pinholify.detection.intensity import SMALLEST_SIDE
+from pinholify.detection.intensity import MIN_SIDE_PX
 from pinholify.errors import BoardError
 
 DETECTORS: dict[type[Board], Callable[..., Corners]] = {
@@ -44,7 +44,7 @@ def detect_board(image: NDArray[Any], board: Board, *, name: str = "", mirrored:
             "patterns with 'pinholify gray-code decode', and calibrate from the corner table that it writes"
         )
     height, width = image.shape[:2]
-    if min(height, width) < SMALLEST_SIDE:
+    if min(height, width) < MIN_SIDE_PX:
         return not_found(name, f"the image is only {width}x{height} px, too small to show a board")
     detector: Callable[..., Corners] = DETECTORS.get(type(board), detect_checkerboard)
     return detector(image, board, name=name, mirrored=mirrored)

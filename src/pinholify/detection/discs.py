@@ -25,13 +25,13 @@ WINDOWS = (11, 31, 91, 271)
 DARKER_LEVELS = 8
 """A pixel is dark from this many grey levels (of 255) below that mean."""
 
-LEAST_AREA_PX2 = 20.0
+MIN_AREA_PX2 = 20.0
 """Discs of less area have no outline to measure."""
 
-LEAST_ELLIPTICITY = 0.96
+MIN_ELLIPTICITY = 0.96
 """Smallest area of a candidate ÷ area of the ellipse with the same second moments; a square has 0.955."""
 
-LEAST_AXIS_RATIO = 0.12
+MIN_AXIS_RATIO = 0.12
 """Axis ratio of the flattest ellipse considered: a sheet seen at 83°."""
 
 RAYS = 48
@@ -89,7 +89,7 @@ def _blobs(picture: NDArray[np.uint8], window: int) -> tuple[Floats, Floats]:
     dark = cv2.adaptiveThreshold(picture, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, window, DARKER_LEVELS)
     contours, _ = cv2.findContours(dark, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     largest = 4.0 * window**2
-    moments = [m for c in contours if len(c) > 8 and LEAST_AREA_PX2 < (m := cv2.moments(c))["m00"] < largest]
+    moments = [m for c in contours if len(c) > 8 and MIN_AREA_PX2 < (m := cv2.moments(c))["m00"] < largest]
     if not moments:
         return np.empty((0, 2)), np.empty((0, 2, 2))
     m00, m10, m01, xx, xy, yy = np.array(
@@ -98,7 +98,7 @@ def _blobs(picture: NDArray[np.uint8], window: int) -> tuple[Floats, Floats]:
     covariance = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2) / m00[:, None, None]
     values = np.linalg.eigvalsh(covariance)
     full = m00 / (4 * np.pi * np.sqrt(np.maximum(values.prod(axis=1), 1e-12)))
-    kept = (full > LEAST_ELLIPTICITY) & (np.sqrt(np.maximum(values[:, 0], 0) / values[:, 1]) > LEAST_AXIS_RATIO)
+    kept = (full > MIN_ELLIPTICITY) & (np.sqrt(np.maximum(values[:, 0], 0) / values[:, 1]) > MIN_AXIS_RATIO)
     centre = np.stack([m10, m01], axis=1) / m00[:, None]
     return centre[kept], 2.0 * np.linalg.cholesky(covariance[kept])
 

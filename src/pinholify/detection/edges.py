@@ -37,7 +37,7 @@ SETTLED_PX = 0.03
 FIRST_BLUR_PX = 1.0
 """Initial standard deviation of the edges' blur."""
 
-LEAST_SHAPE = np.array([-1.0, -1.0, -0.7, -0.7, np.log(0.3)])
+MIN_SHAPE = np.array([-1.0, -1.0, -0.7, -0.7, np.log(0.3)])
 GREATEST_SHAPE = np.array([1.0, 1.0, 0.7, 0.7, np.log(8.0)])
 """Limits of d, e, α, β and log blur (px)."""
 
@@ -50,10 +50,10 @@ TOLERATED_MISFIT = 0.03
 SCALE_STRIDE = 3
 """The scale of the residuals is estimated from every third sample."""
 
-LEAST_WEIGHT_SHARE = 0.3
+MIN_WEIGHT_SHARE = 0.3
 """Smallest share of the samples' total weight that a fit has to keep."""
 
-LEAST_SPREAD = 0.01
+MIN_SPREAD = 0.01
 """Lower bound of the scale of residuals, as a fraction of κ."""
 
 
@@ -157,7 +157,7 @@ def _robust_weights(misfit: Floats, fit: _Fit, inside: Bools) -> Floats:
     """Tukey's weights (n, m), or equal ones where a step has gone so far that hardly any weight would be left."""
     end = 2 * OUTLIER * (fit.spread + TOLERATED_MISFIT * np.abs(fit.linear[:, 3]))
     weight = inside * np.clip(1 - (misfit / end[:, None]) ** 2, 0.0, None) ** 2
-    lost = weight.sum(axis=1) < LEAST_WEIGHT_SHARE * inside.sum(axis=1)
+    lost = weight.sum(axis=1) < MIN_WEIGHT_SHARE * inside.sum(axis=1)
     return np.where(lost[:, None], inside, weight)
 
 
@@ -170,8 +170,8 @@ def _step(samples: Samples, design: Floats, weight: Floats, shape: Floats) -> _F
     scatter = 1.4826 * np.median(np.abs((residual * samples.inside)[:, ::SCALE_STRIDE]), axis=1)
     strength = _nonzero(solution[:, 3])
     step = solution[:, 6:] / strength[:, None]
-    shape = np.clip(shape + np.clip(step, -0.25, 0.25), LEAST_SHAPE, GREATEST_SHAPE)
-    return _Fit(shape, solution[:, :6], step, scatter + LEAST_SPREAD * np.abs(strength), normal)
+    shape = np.clip(shape + np.clip(step, -0.25, 0.25), MIN_SHAPE, GREATEST_SHAPE)
+    return _Fit(shape, solution[:, :6], step, scatter + MIN_SPREAD * np.abs(strength), normal)
 
 
 def _design(shape: Floats, scale: Floats, samples: Samples) -> Floats:

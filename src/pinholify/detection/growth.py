@@ -17,26 +17,26 @@ from pinholify.detection.lattice import Lattice
 from pinholify.detection.prediction import Prediction, predict
 from pinholify.detection.saddle import refine_saddles, saddle_strength, sample
 
-FEWEST_CORNERS = 9
+MIN_LATTICE_CORNERS = 9
 """Corners below which a lattice is not evidence of a board."""
 
-MOST_SEEDS = 40
+MAX_SEEDS = 40
 """Seeds grown in one image."""
 
-MOST_LARGEST = 20
+MAX_LARGEST_LATTICES = 20
 """Limit of the work on one image: the corners of this many lattices of the largest size."""
 
 CROSSES_APART = 4
 """Columns between crosses that are checked together: they do not touch, and have the same colours."""
 
-LEAST_CONTRAST_RATIO = 0.5
+MIN_CONTRAST_RATIO = 0.5
 """Smallest ratio of the contrasts of two candidates that are linked as corners of one lattice before it is grown."""
 
-MOST_DISORDER = 0.1
+MAX_DISORDER = 0.1
 """A lattice with more :func:`disorder` is text or leaves; boards stay below a third of it even through strong fisheyes.
 """
 
-MOST_REPAIRS = 5
+MAX_REPAIRS = 5
 """How often a lattice may lose irregular corners and grow again."""
 
 SIDES = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
@@ -72,18 +72,18 @@ class Grower:
     most: float
 
     def lattices(self) -> Iterator[Lattice]:
-        """Lattices of at least FEWEST_CORNERS, from a seed of each group in turn; no candidate is used twice."""
+        """Lattices of at least MIN_LATTICE_CORNERS, from a seed of each group in turn; no candidate is used twice."""
         links = neighbours(self.candidates)
         free = np.ones(len(self.candidates), dtype=bool)
         tried, looked_at = 0, 0
         for seed in _in_turn(self.candidates, links, self._seeds(links)):
             if not free[seed]:
                 continue
-            if tried == MOST_SEEDS or looked_at > MOST_LARGEST * self.most:
+            if tried == MAX_SEEDS or looked_at > MAX_LARGEST_LATTICES * self.most:
                 return
             lattice = self.grow(_first_cross(self.candidates, links, seed))
             tried, looked_at = tried + 1, looked_at + len(lattice)
-            if len(lattice) < FEWEST_CORNERS or disorder(lattice) > MOST_DISORDER:
+            if len(lattice) < MIN_LATTICE_CORNERS or disorder(lattice) > MAX_DISORDER:
                 free[seed] = False
                 continue
             near = self.tree.query_ball_point(lattice.uv, 3.0)
@@ -93,12 +93,12 @@ class Grower:
     def grow(self, lattice: Lattice) -> Lattice:
         """``lattice`` with every corner that can be reached from it, without irregular ones."""
         banned: set[tuple[int, int]] = set()
-        for _ in range(MOST_REPAIRS):
+        for _ in range(MAX_REPAIRS):
             lattice = self._grow(lattice, banned)
-            if len(lattice) < FEWEST_CORNERS:
+            if len(lattice) < MIN_LATTICE_CORNERS:
                 break
             expected = left_out(lattice)
-            if disorder(lattice, expected) > MOST_DISORDER:
+            if disorder(lattice, expected) > MAX_DISORDER:
                 break
             kept = regular(lattice, expected=expected)
             if kept.all():
@@ -109,7 +109,7 @@ class Grower:
 
     def _grow(self, lattice: Lattice, banned: set[tuple[int, int]]) -> Lattice:
         """``lattice`` with ring after ring of corners at the ends of good edges, none of them ``banned``."""
-        doubled = 2 * FEWEST_CORNERS
+        doubled = 2 * MIN_LATTICE_CORNERS
         while True:
             grown = self._ring(lattice, banned)
             kept = bounded(self.grey, grown, self.beside)
@@ -118,7 +118,7 @@ class Grower:
             if len(grown) <= len(lattice) or len(grown) > self.most:
                 return grown
             if len(grown) >= doubled:
-                if disorder(grown) > MOST_DISORDER:
+                if disorder(grown) > MAX_DISORDER:
                     return grown
                 doubled = 2 * len(grown)
             lattice = grown
@@ -145,7 +145,7 @@ class Grower:
                 continue
             expected = predict(lattice.index, lattice.uv, beyond)
             uv, found = self.match(beyond, expected, lattice)
-            if not found.any() and len(lattice) >= FEWEST_CORNERS:
+            if not found.any() and len(lattice) >= MIN_LATTICE_CORNERS:
                 uv, found = self._search(beyond, expected, lattice)
             if found.any():
                 return lattice.joined(beyond[found], uv[found])
@@ -318,7 +318,7 @@ def _groups(candidates: Candidates, links: Ints) -> Ints:
     contrast = candidates.contrast
     kept = (links[end] == start[:, None]).any(axis=1)
     lower, higher = np.minimum(contrast[start], contrast[end]), np.maximum(contrast[start], contrast[end])
-    kept &= lower > LEAST_CONTRAST_RATIO * higher
+    kept &= lower > MIN_CONTRAST_RATIO * higher
     count = len(candidates)
     graph = csr_array((np.ones(kept.sum(), dtype=bool), (start[kept], end[kept])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])

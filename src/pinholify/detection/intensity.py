@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Grey = NDArray[np.float32]
 """(height, width) float32, in the grey levels of the image."""
 
-SMALLEST_SIDE = 24
+MIN_SIDE_PX = 24
 """Images with a side below this (px) are too small to show the corners of a board."""
 
 

@@ -13,17 +13,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats, Ints
-from pinholify.detection.growth import FEWEST_CORNERS, MOST_DISORDER, disorder, gate
+from pinholify.detection.growth import MAX_DISORDER, MIN_LATTICE_CORNERS, disorder, gate
 from pinholify.detection.lattice import Lattice, turns
 from pinholify.detection.prediction import predict
 
-WIDEST_GAP = 8.0
+MAX_GAP = 8.0
 """Steps between two parts beyond which they are not joined."""
 
-MOST_SLANT_RAD = np.deg2rad(50)
+MAX_SLANT_RAD = np.deg2rad(50)
 """Largest angle between the rows, or the columns, of two parts where they are nearest."""
 
-MOST_RELATIVE_STD = 0.5
+MAX_RELATIVE_STD = 0.5
 """Standard deviation, as a fraction of the spacing, above which a prediction cannot tell one corner from the next."""
 
 MEETING_CORNERS = 6
@@ -51,12 +51,12 @@ def _first_pair(parts: Sequence[Lattice]) -> tuple[Lattice, Lattice, Lattice] | 
 
 def joined(first: Lattice, second: Lattice) -> Lattice | None:
     """``first`` and ``second`` as one lattice, numbered like ``first``; None where they do not belong together."""
-    if min(len(first), len(second)) < FEWEST_CORNERS:
+    if min(len(first), len(second)) < MIN_LATTICE_CORNERS:
         return None
     for way in _ways(first, second):
         if _meet(first, way) and _meet(way, first):
             whole = first.joined(way.index, way.uv)
-            if disorder(whole) <= MOST_DISORDER:
+            if disorder(whole) <= MAX_DISORDER:
                 return whole
     return None
 
@@ -67,10 +67,10 @@ def _ways(first: Lattice, second: Lattice) -> Iterator[Lattice]:
     frame = _frame(first, here)
     for way in turns(second, mirrored=False):
         other = _frame(way, there)
-        if min(_cosine(frame[:, axis], other[:, axis]) for axis in (0, 1)) < np.cos(MOST_SLANT_RAD):
+        if min(_cosine(frame[:, axis], other[:, axis]) for axis in (0, 1)) < np.cos(MAX_SLANT_RAD):
             continue
         apart = np.linalg.solve((frame + other) / 2, second.uv[there] - first.uv[here])
-        if np.linalg.norm(apart) > WIDEST_GAP:
+        if np.linalg.norm(apart) > MAX_GAP:
             continue
         by = first.index[here] + np.rint(apart).astype(np.int64) - way.index[there]
         for step in _keeping_colours(by, apart - np.rint(apart), same=first.phase == way.phase):
@@ -109,5 +109,5 @@ def _meet(known: Lattice, other: Lattice) -> bool:
     near = np.argsort(steps, kind="stable")[:MEETING_CORNERS]
     expected = predict(known.index, known.uv, other.index[near])
     miss = np.linalg.norm(other.uv[near] - expected.uv, axis=1)
-    sure = expected.std < MOST_RELATIVE_STD * expected.spacing
+    sure = expected.std < MAX_RELATIVE_STD * expected.spacing
     return bool((sure & (miss < gate(expected))).all())

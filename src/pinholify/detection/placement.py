@@ -20,7 +20,7 @@ from pinholify.detection.lattice import Lattice, orient, turns
 from pinholify.detection.prediction import predict
 from pinholify.detection.saddle import sample
 
-FEWEST_OF_PART = 12
+MIN_CORNERS_OF_PART = 12
 """Corners below which a part of a board is rejected."""
 
 STEPS = np.arange(0.25, 1.21, 0.05)
@@ -44,7 +44,7 @@ EDGE_TOLERANCE = 0.1
 FULL_WIDTH_TOLERANCE = 0.12
 """Squares by which the width of the outermost squares may differ from 1."""
 
-LEAST_END_SHARE = 0.65
+MIN_END_SHARE = 0.65
 """Smallest share of a side's squares that have to end in the margin."""
 
 STRAY_SHARE = 0.34
@@ -86,7 +86,7 @@ def place(grey: Grey, lattice: Lattice, board: Board, *, name: str, mirrored: bo
     if not fitting:
         reason = f"a board of at least {_size(lattice)} corners is larger than {board.spec}"
         return not_found(name, reason, larger_board=True)
-    if len(lattice) < FEWEST_OF_PART:
+    if len(lattice) < MIN_CORNERS_OF_PART:
         return not_found(name, f"only {len(lattice)} corners of a board were found")
     return _part(grey, fitting, board, name)
 
@@ -162,7 +162,7 @@ def _end(grey: Grey, lattice: Lattice, axis: int, *, last: bool) -> float:
         return 0.0
     end, good = _margin(_relative(level, bright, line @ along), bright)
     side = lattice.extent[1 - axis] - 1
-    enough = LEAST_END_SHARE * max(len(line), side / 2 if _full(end) else side)
+    enough = MIN_END_SHARE * max(len(line), side / 2 if _full(end) else side)
     return end if good[bright].any() and good[~bright].any() and good.sum() >= enough else 0.0
 
 

@@ -21,7 +21,7 @@ FIRST_WINDOW = 0.15
 WINDOW = 0.33
 """Half window of the last fit, likewise: a third of a square of each line in each direction."""
 
-WIDEST_WINDOW_PX = 60.0
+MAX_WINDOW_PX = 60.0
 """Largest half window."""
 
 MOST_BEND_PX, NARROW_WINDOW_PX = 0.25, 20.0
@@ -59,7 +59,7 @@ def refine_lattice(grey: Grey, lattice: Lattice, places: Callable[[Ints], Floats
 def settled(grey: Grey, uv: Floats, jacobian: Floats) -> Floats:
     """``uv`` (n, 2) px, moved to the nearest saddle where there is one; ``jacobian`` (n, 2, 2) is the lattice's."""
     length = np.linalg.norm(jacobian, axis=1).min(axis=1)
-    radius = np.clip(FIRST_WINDOW * length, 2.0, WIDEST_WINDOW_PX)
+    radius = np.clip(FIRST_WINDOW * length, 2.0, MAX_WINDOW_PX)
     saddles = refine_saddles(grey, uv, jacobian * (radius / length)[:, None, None])
     return np.where(saddles.sound[:, None], saddles.uv, uv)
 
@@ -82,7 +82,7 @@ def _windows(uv: Floats, jacobian: Floats, second: Floats, fraction: float) -> W
     length = np.linalg.norm(jacobian, axis=1)
     bends = np.linalg.norm(second[:, :, ::2], axis=1).max(axis=1, keepdims=True) / 2
     straight = np.sqrt(MOST_BEND_PX / np.maximum(bends, 1e-9))
-    part = np.minimum(fraction, np.minimum(WIDEST_WINDOW_PX, np.maximum(straight * length, NARROW_WINDOW_PX)) / length)
+    part = np.minimum(fraction, np.minimum(MAX_WINDOW_PX, np.maximum(straight * length, NARROW_WINDOW_PX)) / length)
     products = np.stack([part[:, 0] ** 2 / 2, part[:, 0] * part[:, 1], part[:, 1] ** 2 / 2], axis=1)
     return Windows(uv, jacobian * part[:, None, :], second * products[:, None, :])
 

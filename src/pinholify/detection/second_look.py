@@ -32,10 +32,10 @@ STEP = 0.25
 
 AROUND = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, -1], [1, -1], [-1, 1]])
 
-MOST_MISFIT = 0.1
+MAX_MISFIT = 0.1
 """As a fraction of the spacing: where the known corners fit the camera worse, another camera took the photograph."""
 
-MOST_RELATIVE_STD = 0.25
+MAX_RELATIVE_STD = 0.25
 """Standard deviation, as a fraction of the spacing, above which a corner is not searched for."""
 
 GATE_STDS = 6.0
@@ -88,12 +88,12 @@ def expect(camera: VirtualCamera, view: Corners, board: Board) -> Expected | Non
     spacing = np.linalg.norm(jacobian, axis=1).min(axis=1)
     miss = (uv[view.ids, 0] - view.uv)[known]
     scatter = float(np.fmax(camera.noise_px, 1.4826 * np.median(np.abs(miss))))  # an imported camera has no noise_px
-    if not scatter < MOST_MISFIT * float(np.median(spacing[view.ids[known]])):
+    if not scatter < MAX_MISFIT * float(np.median(spacing[view.ids[known]])):
         return None
     inside = ((uv > 0) & (uv < np.array(camera.image_size) - 1)).all(axis=(1, 2))
     std = np.full(len(places), np.inf)
     std[inside] = _std(camera, pose, covariance * scatter**2, places[inside], uv[inside, 0], scatter)
-    return Expected(Prediction(uv[:, 0], std, jacobian, spacing), second, inside & (std < MOST_RELATIVE_STD * spacing))
+    return Expected(Prediction(uv[:, 0], std, jacobian, spacing), second, inside & (std < MAX_RELATIVE_STD * spacing))
 
 
 def _derivatives(uv: Floats) -> tuple[Floats, Floats]:

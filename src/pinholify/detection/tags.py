@@ -36,7 +36,7 @@ AGREEMENT = 0.25
 NEAR_TAGS = 2
 """Distance, in tags, within which tags are compared; farther only where none is nearer."""
 
-MOST_ACROSS = 30
+MAX_TAGS_ACROSS = 30
 """Largest number of tags across that is tried where the tags do not match the requested board."""
 
 
@@ -143,7 +143,7 @@ def _layout(tags: Tags) -> tuple[int, int, int]:
     offset, frame = _offsets(tags)
     sides = np.linalg.norm(np.linalg.solve(frame, offset.transpose(0, 2, 1)), axis=1)
     step = float(np.median(np.min(sides + np.diag(np.full(len(tags), np.inf)), axis=1)))
-    groups = {across: _agreeing(tags, across, step) for across in range(2, MOST_ACROSS + 1)}
+    groups = {across: _agreeing(tags, across, step) for across in range(2, MAX_TAGS_ACROSS + 1)}
     across = max(groups, key=lambda n: int(groups[n].sum()))
     down = int(tags.number[groups[across]].max()) // across + 1
     return across, down, int(groups[across].sum())

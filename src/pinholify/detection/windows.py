@@ -20,7 +20,7 @@ DENSITY = 1.2
 BAND_PX = 5.0
 """Half width of the bands along the two lines that stay dense where a window is too wide to be dense all over."""
 
-LARGEST_SHARE = 1 / 3
+MAX_BAND_SHARE = 1 / 3
 """Largest share of the samples that is reserved for the band along one line."""
 
 INDEPENDENT_DENSITY = 0.45
@@ -81,7 +81,7 @@ def read(grey: Grey, windows: Windows, count: int) -> Samples:
     area, sides = np.maximum(windows.area, 1.0), np.linalg.norm(windows.axes, axis=1)
     # A point BAND_PX away from the line s = 0 has |s| = BAND_PX ÷ the height of the window over its axis t.
     band = np.minimum(1.0, BAND_PX * 4.0 * sides[:, ::-1] / area[:, None])
-    share = np.clip(band * (DENSITY * area / count - 1.0)[:, None], 0.0, LARGEST_SHARE)
+    share = np.clip(band * (DENSITY * area / count - 1.0)[:, None], 0.0, MAX_BAND_SHARE)
     s, t = _places(count, band, share)
     places = windows.at(s, t).transpose(0, 2, 1)
     u, v = places[..., 0], places[..., 1]

@@ -6,7 +6,7 @@ import ctypes
 
 TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD = -1, -2, -3  # glibc's malloc.h
 KEPT = 256 * 2**20  # bytes
-LARGEST = 32 * 2**20  # bytes; the largest array taken from kept memory, and glibc's maximum
+MAX_ARRAY_BYTES = 32 * 2**20  # bytes; the largest array taken from kept memory, and glibc's maximum
 AHEAD = 16 * 2**20  # bytes
 
 
@@ -21,5 +21,5 @@ def keep_freed_memory() -> None:
         mallopt = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError, TypeError):  # another C library; on Windows CDLL(None) fails
         return
-    for parameter, value in ((TRIM_THRESHOLD, KEPT), (MMAP_THRESHOLD, LARGEST), (TOP_PAD, AHEAD)):
+    for parameter, value in ((TRIM_THRESHOLD, KEPT), (MMAP_THRESHOLD, MAX_ARRAY_BYTES), (TOP_PAD, AHEAD)):
         mallopt(parameter, value)

@@ -13,7 +13,7 @@ from pinholify.rectification.options import DEFAULT_VIEW, METHODS, ViewOptions
 from pinholify.rectification.splatting import Splatter, splatter
 from pinholify.rectification.views import View, named_view
 
-LARGEST_SIDE = 32766
+MAX_SIDE_PX = 32766
 """px; OpenCV does not resample larger images."""
 
 MAX_PIXELS = 200_000_000
@@ -68,8 +68,8 @@ class Straightener:
 
 def _check_size(size: tuple[int, int]) -> None:
     width, height = size
-    if max(size) > LARGEST_SIDE or width * height > MAX_PIXELS:
+    if max(size) > MAX_SIDE_PX or width * height > MAX_PIXELS:
         raise InputError(
-            f"a result of {width}x{height} was requested, but at most {LARGEST_SIDE} px per side and "
+            f"a result of {width}x{height} was requested, but at most {MAX_SIDE_PX} px per side and "
             f"{MAX_PIXELS // 1_000_000} megapixels are possible; choose a smaller size"
         )

@@ -21,7 +21,7 @@ SAMPLES = 400  # along the longer side of the image, of the grid on which the ex
 DIRECTION_TOLERANCE = 1e-4  # in coordinates of the chart, about radians
 LATTICE = 64  # points along the longer side of the image: a standard deviation changes slowly
 STD_TOLERANCE = 0.1  # relative bound on what higher orders might add; the true error is a few per mille
-SMALLEST_STD_PX = 1e-12  # keeps the logarithm finite
+MIN_STD_PX = 1e-12  # keeps the logarithm finite
 
 
 def source_mask(camera: VirtualCamera, max_std: float | None) -> Bools:
@@ -33,7 +33,7 @@ def source_mask(camera: VirtualCamera, max_std: float | None) -> Bools:
     width, height = camera.image_size
     limit = camera.domain.max_std if max_std is None else max_std
     if np.isfinite(limit):
-        log_limit = np.log(limit + SMALLEST_STD_PX)
+        log_limit = np.log(limit + MIN_STD_PX)
         if _log_std_lattice(camera).max() <= log_limit:  # nor does interpolation exceed it
             return np.ones((height, width), dtype=np.bool_)
         return np.asarray(source_log_std(camera) <= log_limit)
@@ -56,7 +56,7 @@ def _log_std_lattice(camera: VirtualCamera) -> NDArray[np.float32]:
     size = np.array(camera.image_size)
     lattice = np.maximum(np.rint(LATTICE * size / size.max()), 2).astype(np.int64)
     log_std = expand(
-        lambda index: np.log(camera.shape_std((index + 0.5) * (size / lattice) - 0.5) + SMALLEST_STD_PX)[:, None],
+        lambda index: np.log(camera.shape_std((index + 0.5) * (size / lattice) - 0.5) + MIN_STD_PX)[:, None],
         (int(lattice[0]), int(lattice[1])),
         outputs=1,
         tolerance=STD_TOLERANCE,

@@ -17,8 +17,12 @@ from pinholify.rectification.rectangle import largest_rectangle
 from pinholify.rectification.surfaces import SURFACES, FlatSurface, Surface
 from pinholify.rectification.valid_region import valid_directions, valid_pixels
 
-STEEPEST_RAD = np.deg2rad(65.0)  # from its axis, or from the horizon, up to which a fitted view shows all valid pixels
-STEEPEST_CORNER_RAD = np.deg2rad(70.0)  # up to which it is extended if that includes all corners of the calibration
+MAX_STEEPNESS_RAD = np.deg2rad(65.0)
+"""From a fitted view's axis, or from the horizon: up to there it shows all valid pixels."""
+
+MAX_CORNER_STEEPNESS_RAD = np.deg2rad(70.0)
+"""Up to which a fitted view is extended if that includes all corners of the calibration."""
+
 LOOKS_AWAY = "the view looks away from everything the camera sees; choose another view"
 PROBE_PX = 400  # longer side of the small image in which the valid part of a view is determined
 
@@ -156,7 +160,7 @@ def _reach(camera: VirtualCamera, rotation: Floats, surface: Surface) -> float:
     """The largest steepness, in radians, of directions that a view is fitted to."""
     corners = camera.chart.directions(camera.plane_map.value(camera.domain.hull.vertices)) @ rotation.T
     steepest = float(surface.steepness(corners).max())
-    return steepest + 1e-9 if STEEPEST_RAD < steepest <= STEEPEST_CORNER_RAD else float(STEEPEST_RAD)
+    return steepest + 1e-9 if MAX_STEEPNESS_RAD < steepest <= MAX_CORNER_STEEPNESS_RAD else float(MAX_STEEPNESS_RAD)
 
 
 def share_outside(camera: VirtualCamera, view: View, max_std: float | None) -> float:

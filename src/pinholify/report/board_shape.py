@@ -11,8 +11,8 @@ from pinholify.board import lattice
 from pinholify.calibration.result import Calibration
 from pinholify.report.numerals import round_down
 
-LONGEST_ARROW = 0.8  # of the distance between the corners drawn
-MOST_PER_SIDE = 24  # corners drawn along each side of the board
+MAX_ARROW_LENGTH = 0.8  # of the distance between the corners drawn
+MAX_CORNERS_PER_SIDE = 24  # corners drawn along each side of the board
 FLAT = 1e-9  # squares
 
 
@@ -42,7 +42,7 @@ def board_shape_of(calibration: Calibration) -> BoardShape | None:
     length = np.linalg.norm(shifts, axis=1)
     if max(length.max(), np.abs(heights).max()) <= FLAT:
         return None
-    every = -(-max(board.columns, board.rows) // MOST_PER_SIDE)
+    every = -(-max(board.columns, board.rows) // MAX_CORNERS_PER_SIDE)
     row, column = np.divmod(np.arange(len(places)), board.columns)
     drawn = (row % every == 0) & (column % every == 0)
     longest = max(float(length[drawn].max()), FLAT)
@@ -50,7 +50,7 @@ def board_shape_of(calibration: Calibration) -> BoardShape | None:
         places[drawn],
         shifts[drawn],
         heights[drawn],
-        round_down(LONGEST_ARROW * every / longest),
+        round_down(MAX_ARROW_LENGTH * every / longest),
         float(np.sqrt((length**2).mean())),
         float(np.ptp(heights)),
         calibration.square_mm,

@@ -19,7 +19,7 @@ from pinholify.report.numerals import round_down
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # px
 UNKNOWN = 1e9  # px: stands for a standard deviation that does not exist
 CELLS = 16  # along the image's longer side
-FEWEST_IN_CELL = 3
+MIN_CORNERS_IN_CELL = 3
 SHOWN_ARROW = 0.8  # length of the longest arrow of the residual field as drawn, as a fraction of a cell
 
 
@@ -136,5 +136,5 @@ def _cell_means(uv: Floats, residuals: Floats, cell: float) -> tuple[Floats, Flo
     places, index, counts = np.unique(np.floor(uv / cell), axis=0, return_inverse=True, return_counts=True)
     sums = np.zeros((len(places), 2))
     np.add.at(sums, index.reshape(-1), residuals)
-    enough = counts >= FEWEST_IN_CELL
+    enough = counts >= MIN_CORNERS_IN_CELL
     return (places[enough] + 0.5) * cell, sums[enough] / counts[enough, None]

@@ -16,7 +16,7 @@ from pinholify.rectification.options import ViewOptions
 from pinholify.rectification.straightener import Straightener
 from pinholify.reproduction.chain import Reproduced
 
-LARGEST_SIDE = 1200  # px; enough for a column of a printed page
+MAX_SIDE_PX = 1200  # px; enough for a column of a printed page
 SHOWN_STD = 1.0  # px; pixels with a larger standard deviation are left black
 
 
@@ -68,6 +68,6 @@ def _boards(result: Reproduced) -> list[BoardPoints]:
 
 
 def _reduced(image: Image) -> Image:
-    factor = min(1.0, LARGEST_SIDE / max(image.shape[:2]))
+    factor = min(1.0, MAX_SIDE_PX / max(image.shape[:2]))
     size = (round(image.shape[1] * factor), round(image.shape[0] * factor))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))

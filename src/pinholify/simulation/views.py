@@ -13,7 +13,7 @@ from pinholify.geometry import Pose
 from pinholify.simulation.lenses import Lens
 from pinholify.simulation.lenses.base import image_centre, unit
 
-MOST_TRIES = 200_000
+MAX_TRIES = 200_000
 """Random poses tried before an error is raised."""
 
 AIMS = 0.03 * np.array([[u, v] for u in (0, -1, 1) for v in (0, -1, 1)])
@@ -44,7 +44,7 @@ def board_poses(
     rng = np.random.default_rng(seed)
     reference, distance = _reference(lenses, board, rng, margin)
     poses = [reference]
-    for _ in range(MOST_TRIES):
+    for _ in range(MAX_TRIES):
         if len(poses) == count:
             return tuple(poses)
         uv = rng.uniform(0.1, 0.9, 2) * lenses[0].size

@@ -32,7 +32,7 @@ from pinholify.io.files import make_folder, writing_text
 
 log = logging.getLogger("pinholify.web")
 
-LONGEST_NAME = 120
+MAX_NAME_LENGTH = 120
 DESCRIPTION, PHOTOGRAPH = "session.json", "photograph.json"
 
 
@@ -96,7 +96,7 @@ class Session:
     def free_name(self, wanted: str) -> str:
         """``wanted`` without folders, blanks and unsafe characters, made unique in the session."""
         last = re.split(r"[/\\]", wanted)[-1]
-        stem = re.sub(r"[^\w.()+-]+", "_", last).strip("_.")[-LONGEST_NAME:] or "picture"
+        stem = re.sub(r"[^\w.()+-]+", "_", last).strip("_.")[-MAX_NAME_LENGTH:] or "picture"
         taken, name, count = {p.name for p in self.photographs}, stem, 1
         while name in taken:
             count += 1

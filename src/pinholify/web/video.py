@@ -17,7 +17,7 @@ from pinholify.web.process_pool import Report
 
 WINDOW_SECONDS = 0.5  # the sharpest frame of each window is inspected
 TRIED = 4  # frames of a window that are compared
-MOST_WINDOWS = 240  # longer videos have longer windows
+MAX_WINDOWS = 240  # longer videos have longer windows
 USUAL_RATE = 30.0
 COMPARED_SIDE = 640
 
@@ -102,7 +102,7 @@ def _sharpest(video: cv2.VideoCapture) -> Iterator[tuple[float, Image]]:
     """The sharpest of a few frames of each window of ``video``, preceded by the share of it read so far."""
     rate = video.get(cv2.CAP_PROP_FPS) or USUAL_RATE
     total = max(video.get(cv2.CAP_PROP_FRAME_COUNT), 1.0)
-    window = max(WINDOW_SECONDS * rate, total / MOST_WINDOWS, 1.0)
+    window = max(WINDOW_SECONDS * rate, total / MAX_WINDOWS, 1.0)
     step = max(1, round(window / TRIED))
     number = 0
     while candidates := _next_window(video, max(1, round(window)), step):

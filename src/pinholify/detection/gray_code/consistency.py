@@ -37,22 +37,22 @@ LIT_FACTOR = 2.0
 AMPLITUDE_RATIO = 0.75
 """Smallest ratio of the amplitude of a wave's step to the median one, or of the median one to it."""
 
-FEWEST_BORDERS = 30
+MIN_BORDERS = 30
 """Borders of stripes needed to check their order."""
 
-FEWEST_PIXELS = 500
+MIN_PIXELS = 500
 """Pixels needed to check a wave."""
 
-LEAST_KNOWN_SHARE = 0.5
+MIN_KNOWN_SHARE = 0.5
 """If fewer of the pixels that see the screen see the stripes, those that do are at edges and of no use."""
 
-FEWEST_PERIODS = 2
+MIN_PERIODS = 2
 """Periods of the wave that must be visible: with fewer, its fit depends on where the stripes are cut off."""
 
 SAMPLED_LINES = 400
 """Rows and columns of pixels that are examined."""
 
-LEAST_ANGLE_RAD = np.pi / 16.0
+MIN_ANGLE_RAD = np.pi / 16.0
 """Phase below which a shift cannot be distinguished from the width of the stripes."""
 
 
@@ -115,7 +115,7 @@ def check_borders(number: Ints, clear: Bools, lit: Lit, pattern: Pattern) -> Non
     contrast = np.where(clear & lit.where, lit.contrast, np.float32(0.0))
     along_rows = _steps(number[::rows], contrast[::rows])
     steps = np.concatenate([along_rows, _steps(number[:, ::columns].T, contrast[:, ::columns].T)])
-    if len(steps) >= FEWEST_BORDERS and (steps > 1).mean() > SUSPICIOUS_SHARE:
+    if len(steps) >= MIN_BORDERS and (steps > 1).mean() > SUSPICIOUS_SHARE:
         raise _disordered(lit, _pair(pattern), "do not fit the coarser stripes before them")
 
 
@@ -141,8 +141,8 @@ def check_waves(waves: list[Grey], place: Grey, known: Bools, lit: Lit, axis: in
     where = lit.sample(known)
     levels, places = np.stack(waves)[:, where].astype(np.float64), lit.sample(place)[where]
     period = lit.sequence.period
-    enough = levels.shape[1] >= max(FEWEST_PIXELS, LEAST_KNOWN_SHARE * len(where))
-    if not enough or np.ptp(np.quantile(places, (0.1, 0.9))) < FEWEST_PERIODS * period:
+    enough = levels.shape[1] >= max(MIN_PIXELS, MIN_KNOWN_SHARE * len(where))
+    if not enough or np.ptp(np.quantile(places, (0.1, 0.9))) < MIN_PERIODS * period:
         return
     if wrong := _misplaced(levels, 2.0 * np.pi / period * places):
         patterns = [Pattern("wave", axis, step) for step in wrong]
@@ -165,7 +165,7 @@ def _misplaced(levels: Floats, phase: Floats) -> list[int]:
     found = (cosine + 1j * sine) / turns
     amplitude = np.abs(found)
     typical = float(np.median(amplitude))
-    wrong = np.abs(np.angle(found)) > max(np.pi / len(levels), LEAST_ANGLE_RAD)
+    wrong = np.abs(np.angle(found)) > max(np.pi / len(levels), MIN_ANGLE_RAD)
     wrong |= (amplitude < max(AMPLITUDE_RATIO * typical, seen / 2.0)) | (amplitude > typical / AMPLITUDE_RATIO)
     return [int(step) for step in np.flatnonzero(wrong)]
 

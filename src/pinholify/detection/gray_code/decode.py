@@ -30,7 +30,7 @@ LIMIT_STDS = 6.0
 ROUNDS = 12
 """How often the worst node of each neighbourhood may be dropped."""
 
-FEWEST_NODES = 16
+MIN_NODES = 16
 FEW_NODES_SHARE = 0.1
 """Share of a screen's nodes: if fewer are decoded, the spacing is checked."""
 
@@ -108,7 +108,7 @@ def _typical(found: list[Nodes]) -> float:
 def _why_few(nodes: Nodes, decoded: ScreenMap, screen: Screen) -> str:
     """Why there are so few ``nodes``, and what to do, for the message."""
     spacing, least = screen.spacing, screen.spacing
-    if len(nodes.ids) < FEWEST_NODES + FEW_NODES_SHARE * size(screen):
+    if len(nodes.ids) < MIN_NODES + FEW_NODES_SHARE * size(screen):
         least = least_spacing(decoded, screen)
     if least > spacing:
         return f"nodes {spacing} screen px apart have too few pixels around them: give a spacing of {least} px or more"
@@ -119,7 +119,7 @@ def _view(name: str, nodes: Nodes, screen: Screen, std: float, why: str) -> Corn
     """The nodes that agree with their neighbours; none, and the reason ``why``, if they are too few."""
     weights = np.clip(std / nodes.std, *WEIGHTS)
     view = without_strangers(Corners(name, nodes.ids, nodes.uv, weights), screen, std)
-    if len(view) < FEWEST_NODES:
+    if len(view) < MIN_NODES:
         return not_found(name, f"{len(view)} nodes could be decoded; {why}")
     return view
 

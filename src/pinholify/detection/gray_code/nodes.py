@@ -17,16 +17,16 @@ from pinholify.arrays import Bools, Floats, Ints, joined, selected
 from pinholify.board import Screen, size
 from pinholify.detection.gray_code.screen_map import ScreenMap
 
-FEWEST_PIXELS = 16
+MIN_PIXELS = 16
 """Pixels that a cell needs: enough for a quadratic and an estimate of its noise."""
 
 AMPLE_FACTOR = 1.5
-"""Times FEWEST_PIXELS that a median cell should have when a spacing is recommended."""
+"""Times MIN_PIXELS that a median cell should have when a spacing is recommended."""
 
 COVERED_SHARE = 0.6
 """Share of a whole cell's pixels below which the cell is cut by an edge, of a hand or of the image."""
 
-MOST_MEDIAN_DEVIATIONS = 4.0
+MAX_MEDIAN_DEVIATIONS = 4.0
 """Median deviations from a cell's median position in the image beyond which a pixel does not belong to the cell."""
 
 OUTLIER_STDS = 4.0
@@ -73,7 +73,7 @@ class _Cells:
 
     def select(self, keep: Bools) -> _Cells:
         """The pixels where ``keep`` (p,) is true, without cells that are left with too few."""
-        enough = self.sums(keep.astype(np.int64)) >= FEWEST_PIXELS
+        enough = self.sums(keep.astype(np.int64)) >= MIN_PIXELS
         counts = self.counts()
         keep = keep & np.repeat(enough, counts)
         left = self.sums(keep.astype(np.int64))[enough]
@@ -92,7 +92,7 @@ def least_spacing(decoded: ScreenMap, screen: Screen) -> int:
     counts = np.concatenate([cells.counts() for cells in _cells(decoded, screen)] or [np.empty(0, np.int64)])
     if not len(counts):
         return screen.spacing
-    return int(np.ceil(screen.spacing * np.sqrt(AMPLE_FACTOR * FEWEST_PIXELS / np.median(counts))))
+    return int(np.ceil(screen.spacing * np.sqrt(AMPLE_FACTOR * MIN_PIXELS / np.median(counts))))
 
 
 def _cells(decoded: ScreenMap, screen: Screen) -> Iterator[_Cells]:
@@ -145,7 +145,7 @@ def _near_median(cells: _Cells) -> Bools:
     counts = cells.counts()
     for axis in (0, 1):
         distance = np.abs(cells.uv[:, axis] - np.repeat(_medians(cells, cells.uv[:, axis]), counts))
-        keep &= distance <= np.repeat(MOST_MEDIAN_DEVIATIONS * _medians(cells, distance) + 1.0, counts)
+        keep &= distance <= np.repeat(MAX_MEDIAN_DEVIATIONS * _medians(cells, distance) + 1.0, counts)
     return keep
 
 

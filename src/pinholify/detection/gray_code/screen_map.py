@@ -15,7 +15,7 @@ from pinholify.detection.gray_code.patterns import PARTS_OF_WAVE, Pattern, Seque
 from pinholify.detection.intensity import Grey
 from pinholify.errors import ImageError
 
-LEAST_SCREEN_CONTRAST = 0.03
+MIN_SCREEN_CONTRAST = 0.03
 """White minus black, as a share of the sensor's range, below which no screen is visible."""
 
 LIT_SHARE = 0.1
@@ -27,7 +27,7 @@ RESOLVED_CONTRAST = 0.15
 COARSEST_PX = 4
 """Width in screen px of the widest stripe that locates a pixel well enough."""
 
-MOST_SHIFT_PX = 0.3
+MAX_SHIFT_PX = 0.3
 """Camera px between the first and the last picture above which something has moved."""
 
 SHIFT_BLUR_PX = 2.0
@@ -61,7 +61,7 @@ def decode(captures: Iterable[Grey], sequence: Sequence, name: str) -> ScreenMap
     lit = Lit(name, sequence, black, contrast, LIT_SHARE * _brightest(contrast, name))
     axes = [_along(frames, axis, lit) for axis in (0, 1)]
     shift = shift_between(first, next(frames), lit.where)
-    if not shift < MOST_SHIFT_PX:
+    if not shift < MAX_SHIFT_PX:
         raise ImageError(
             f"the camera or the screen moved by {shift:.1f} px or more while '{name}' was captured: fix both and "
             "capture all its patterns again"
@@ -72,7 +72,7 @@ def decode(captures: Iterable[Grey], sequence: Sequence, name: str) -> ScreenMap
 
 def _brightest(contrast: Grey, name: str) -> float:
     brightest = float(np.quantile(contrast[::2, ::2], 0.999))
-    if brightest < LEAST_SCREEN_CONTRAST:
+    if brightest < MIN_SCREEN_CONTRAST:
         raise ImageError(
             f"no lit screen is seen in '{name}': its white picture is hardly brighter than its black one (by "
             f"{max(0.0, 255 * brightest):.0f} grey levels of 255); check the order of the captures, the exposure and "

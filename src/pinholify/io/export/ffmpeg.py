@@ -17,16 +17,16 @@ from pinholify.errors import OutputError
 from pinholify.io.export.base import Format, PinholeExport, commented, sibling
 from pinholify.io.files import atomic_path
 
-LARGEST = 65535
+MAX_VALUE = 65535
 """The largest 16-bit value, which marks pixels outside."""
 
 
 def write(export: PinholeExport, path: Path) -> None:
     """Write both maps; raises OutputError if the original image is too large for 16 bits."""
-    if max(export.camera.image_size) > LARGEST:
+    if max(export.camera.image_size) > MAX_VALUE:
         width, height = export.camera.image_size
         raise OutputError(
-            f"the images are {width}x{height} px and 16-bit maps reach only {LARGEST} px; choose another format"
+            f"the images are {width}x{height} px and 16-bit maps reach only {MAX_VALUE} px; choose another format"
         )
     for coordinate, target in zip(rounded_maps(export), files(path), strict=True):
         with atomic_path(target) as temporary:
@@ -42,14 +42,14 @@ def rounded_maps(export: PinholeExport) -> tuple[NDArray[np.uint16], NDArray[np.
     """Whole columns and rows of the original image, each (h, w), for every pixel of the view."""
     uv = np.rint(export.rectification.uv)
     inside = (uv >= 0).all(axis=2) & (uv < export.camera.image_size).all(axis=2) & export.rectification.valid
-    whole = np.where(inside[:, :, None], uv, LARGEST).astype(np.uint16)
+    whole = np.where(inside[:, :, None], uv, MAX_VALUE).astype(np.uint16)
     return whole[:, :, 0], whole[:, :, 1]
 
 
 def _pgm(values: NDArray[np.uint16], statement: tuple[str, ...]) -> bytes:
     """A binary PGM (netpbm's P5); samples have the most significant byte first."""
     height, width = values.shape
-    header = f"P5\n{commented(statement)}{width} {height}\n{LARGEST}\n"
+    header = f"P5\n{commented(statement)}{width} {height}\n{MAX_VALUE}\n"
     return header.encode("ascii") + values.astype(">u2").tobytes()
 
 

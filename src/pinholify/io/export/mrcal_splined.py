@@ -32,7 +32,7 @@ COLUMNS = (16, 24, 36, 54, 80)
 TOLERANCE = 0.01  # px; largest error of the spline below which no finer one is tried
 SAMPLES = 3  # pixels per control point and axis
 BORDER = 500  # pixels along the border
-WIDEST = np.cos(np.deg2rad(172.0))  # the stereographic plane ends straight behind
+MIN_COSINE = np.cos(np.deg2rad(172.0))  # the stereographic plane ends straight behind
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +128,7 @@ def _directions(export: PinholeExport, uv: Floats) -> Floats:
     camera, directions = export.camera, np.full((len(uv), 3), np.nan)
     known = valid_pixels(camera, uv, export.options.max_std)
     directions[known] = camera.chart.directions(camera.plane_map.value(uv[known])) @ export.view.rotation.T
-    directions[~(directions[:, 2] > WIDEST)] = np.nan
+    directions[~(directions[:, 2] > MIN_COSINE)] = np.nan
     return directions
 
 

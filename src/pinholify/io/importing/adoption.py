@@ -37,12 +37,12 @@ MARGIN = 0.06
 Piecewise expansions of the map need a margin beyond the border.
 """
 
-WIDEST = np.deg2rad(172.0)  # from the axis; straight behind, the azimuth is undefined
-NARROWEST = 1e-4  # radians
+MAX_ANGLE_RAD = np.deg2rad(172.0)  # from the axis; straight behind, the azimuth is undefined
+MIN_ANGLE_RAD = 1e-4  # radians
 AZIMUTHS, ANGLES = 120, 250
-MOST_STRETCHED = 12.0  # ratio of the stretches along both axes, beyond which a pole of the projection is near
+MAX_STRETCH_RATIO = 12.0  # ratio of the stretches along both axes, beyond which a pole of the projection is near
 STEP = 1e-6  # radians, to differentiate a projection
-LEAST_COVERED = 0.01  # of the image; below, the parameters are hardly those of a lens
+MIN_COVERED_SHARE = 0.01  # of the image; below, the parameters are hardly those of a lens
 
 UNKNOWN_BOARD = Checkerboard(3, 3)
 """Placeholder for the board of a camera that was imported without one."""
@@ -143,7 +143,7 @@ class ForeignLens:
         good = np.zeros(len(jacobian), dtype=bool)
         largest, smallest = np.linalg.svd(jacobian[known], compute_uv=False).T
         upright = self.sign * np.linalg.det(jacobian[known]) > 0
-        good[known] = upright & (largest < MOST_STRETCHED * smallest)
+        good[known] = upright & (largest < MAX_STRETCH_RATIO * smallest)
         return good
 
     def inverse(self, uv: Floats) -> Floats:
@@ -157,7 +157,7 @@ class ForeignLens:
 
 def _lens(theirs: ForeignCamera) -> ForeignLens:
     """``theirs`` with its one-to-one part: along each direction from the axis, up to where it folds."""
-    theta = np.geomspace(NARROWEST, WIDEST, ANGLES)
+    theta = np.geomspace(MIN_ANGLE_RAD, MAX_ANGLE_RAD, ANGLES)
     phi = np.linspace(0.0, 2.0 * np.pi, AZIMUTHS, endpoint=False)
     grid = theta[:, None, None] * np.stack([np.cos(phi), np.sin(phi)], axis=1)
     axis = ForeignLens(theirs, np.zeros((1, 2)), theirs.centre[None], 1.0)
@@ -298,7 +298,7 @@ def _tested(
 def _region(lens: ForeignLens, known: Floats, unknown: Floats) -> ConvexRegion:
     """A convex region of ``known`` pixels (n, 2) without ``unknown`` (m, 2); raises CalibrationError if it is tiny."""
     width, height = lens.camera.image_size
-    if len(known) < 3 or (hull := _inscribed(known, unknown)).area < LEAST_COVERED * width * height:
+    if len(known) < 3 or (hull := _inscribed(known, unknown)).area < MIN_COVERED_SHARE * width * height:
         raise _blind(lens.camera)
     return hull
 

@@ -19,7 +19,7 @@ from pinholify.io.importing.trees import xml_tree, yaml_tree
 MAX_BYTES = 64 << 20
 """Larger files are refused; even files that contain all corners of a calibration are smaller."""
 
-LARGEST_SIDE = 1 << 20  # px
+MAX_SIDE_PX = 1 << 20  # px
 
 Projection: TypeAlias = Callable[[Floats], Floats]
 """Directions or points (n, 3) in the camera's frame → pixels (n, 2), nan where there is none."""
@@ -97,7 +97,7 @@ class Foreign:
             raise self.refused("it does not contain the size of the images", "give the image size")
         if self.image_size not in (None, chosen):
             raise self.refused(f"it is for images of {chosen[0]}x{chosen[1]}, not of the given size")
-        if not 1 <= min(chosen) <= max(chosen) <= LARGEST_SIDE:
+        if not 1 <= min(chosen) <= max(chosen) <= MAX_SIDE_PX:
             raise self.refused(f"it is for images of {chosen[0]}x{chosen[1]}")
         return chosen[0], chosen[1]
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 from xml.etree import ElementTree
 
-DEEPEST = 12
+MAX_DEPTH = 12
 KEY = re.compile(r"(\"[^\"]*\"|'[^']*'|[^\s:#\[\]{}\"'-][^:]*?)\s*:(?:\s+(.*))?$")
 COMMENT = re.compile(r"(^|\s)#.*$")
 TAG = re.compile(r"^!\S+\s*")
@@ -60,7 +60,7 @@ def _logical_lines(text: str) -> Iterator[Line]:
 
 def _block(lines: deque[Line], depth: int) -> Any:
     """Parse the mapping or list at the beginning of ``lines``, and remove it from them."""
-    if depth > DEEPEST:
+    if depth > MAX_DEPTH:
         raise ValueError("nested too deeply")
     indent, first = lines[0]
     if first.startswith(("[", "{")):
@@ -113,7 +113,7 @@ def _flow_tree(text: str) -> Any:
 
 def _flow(tokens: deque[str], depth: int) -> Any:
     """Parse the value at the beginning of ``tokens``, and remove it from them; raises ValueError."""
-    if depth > DEEPEST or not tokens:
+    if depth > MAX_DEPTH or not tokens:
         raise ValueError("nested too deeply, or a bracket is not closed")
     first = tokens.popleft()
     if first == "[":
@@ -156,7 +156,7 @@ def xml_tree(text: str) -> Any:
 
 
 def _element(element: ElementTree.Element, depth: int) -> Any:
-    if depth > DEEPEST:
+    if depth > MAX_DEPTH:
         raise ValueError("nested too deeply")
     if len(element):
         return {child.tag: _element(child, depth + 1) for child in element}

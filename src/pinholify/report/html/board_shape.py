@@ -9,7 +9,7 @@ from pinholify.report.html.image_maps import arrow, framed
 from pinholify.report.html.markup import Markup, drawing, element, polylines
 
 SQUARE = 40.0  # side of a square in the drawing's units
-LARGEST_DISC = 0.32  # radius, as a fraction of the distance between the corners drawn
+MAX_DISC_RADIUS = 0.32  # radius, as a fraction of the distance between the corners drawn
 
 
 def board_map(report: Report) -> Markup:
@@ -22,7 +22,7 @@ def board_map(report: Report) -> Markup:
     centres = SQUARE / spacing * (shape.places - low) + SQUARE
     tips = centres + SQUARE / spacing * shape.magnification * shape.shifts
     largest = max(float(np.abs(shape.heights).max()), 1e-12)
-    radii = LARGEST_DISC * SQUARE * np.sqrt(np.abs(shape.heights) / largest)  # areas show heights
+    radii = MAX_DISC_RADIUS * SQUARE * np.sqrt(np.abs(shape.heights) / largest)  # areas show heights
     discs = (
         element("circle", cx=f"{x:.1f}", cy=f"{y:.1f}", r=f"{radius:.1f}", class_="low" if away else "high")
         for (x, y), radius, away in zip(centres, radii, shape.heights > 0, strict=True)

@@ -13,7 +13,7 @@ from pinholify.report.maps import LEVELS
 from pinholify.report.numerals import px
 
 LAYER = 0.17  # opacity that each level of standard deviation adds
-MOST_DOTS = 4000
+MAX_DOTS = 4000
 CLOUD = 400.0  # side of the cloud's drawing, in its own units
 CLOUD_REACH = 4.0  # standard deviations that the cloud shows at least
 HEAD = 0.3  # length of an arrow's head, as a fraction of the arrow
@@ -45,7 +45,7 @@ def framed(*content: str) -> Markup:
 
 
 def _thinned(points: Floats) -> Floats:
-    every = max(1, -(-len(points) // MOST_DOTS))
+    every = max(1, -(-len(points) // MAX_DOTS))
     return points[::every]
 
 
