@@ -272,7 +272,7 @@ def test_camera_of_a_newer_version(refused, camera, photographs):
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
     np.savez("newer.npz", **arrays)
     sentence = refused("evaluate", "newer.npz", photographs)
-    assert "format 99 and this pinholify reads up to 1: upgrade pinholify" in sentence
+    assert "format 99 and this pinholify reads 3: upgrade pinholify" in sentence
 
 
 def test_camera_that_is_not_there(refused, photographs):

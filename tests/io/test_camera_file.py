@@ -145,7 +145,7 @@ def test_header_is_readable_by_anybody(tmp_path, written):
         header = json.loads(archive["header"].tobytes())
         assert all(archive[key].dtype.kind in "fiu" for key in archive.files)
     assert header["format"] == "pinholify-camera"
-    assert header["format_version"] == 1
+    assert header["format_version"] == 3
     assert header["units"] == {"image": "px, integer = pixel centre", "virtual": "squares", "square_mm": 25.0}
     assert header["board"] == "6x5"
     assert header["handedness"] == "right-handed as seen in the image"
@@ -230,11 +230,14 @@ def test_changed_file_is_refused(tmp_path, written, change):
         read_camera(path)
 
 
-@pytest.mark.parametrize("version", [2, 99, "1", None])
-def test_newer_version_is_refused(tmp_path, written, version):
+@pytest.mark.parametrize(
+    ("version", "remedy"),
+    [(2, "calibrate again"), (4, "upgrade pinholify"), ("3", "upgrade pinholify"), (None, "upgrade pinholify")],
+)
+def test_other_versions_are_refused(tmp_path, written, version, remedy):
     path = tmp_path / "c.npz"
     path.write_bytes(changed(written[0], lambda header, arrays: header.update(format_version=version)))
-    with pytest.raises(CameraFileError, match=f"format {version} .* reads up to 1: upgrade pinholify"):
+    with pytest.raises(CameraFileError, match=f"format {version} .* reads 3: {remedy}"):
         read_camera(path)
     assert is_camera_file(path)
 

@@ -98,7 +98,7 @@ def test_rays_are_asked_for_by_name_or_by_number():
     np.testing.assert_array_equal(read("a,b,c\n1,2,3\n", dimensions=3), [[1, 2, 3]])
     with pytest.raises(InputError, match="such as x,y,z"):
         read("", dimensions=3)
-    with pytest.raises(InputError, match="2 columns was found where 3 are needed"):
+    with pytest.raises(InputError, match="the header has 2 of the 3 columns"):
         read("u,v\n1,2\n", dimensions=3)
 
 

@@ -29,7 +29,7 @@ from pinholify.errors import CameraFileError, PinholifyError
 from pinholify.io.files import atomic_path
 
 FORMAT = "pinholify-camera"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 3  # those before never left development
 MAX_BYTES = 1 << 30
 
 HOMES = {
@@ -105,10 +105,10 @@ def read_camera(path: str | os.PathLike[str]) -> Calibration:
     if header.get("format") != FORMAT:
         raise CameraFileError(f"'{name}' is not a pinholify camera; give a file that 'pinholify calibrate' wrote")
     version = header.get("format_version")
-    if not isinstance(version, int) or version > FORMAT_VERSION:
-        raise CameraFileError(
-            f"'{name}' has camera format {version} and this pinholify reads up to {FORMAT_VERSION}: upgrade pinholify"
-        )
+    if version != FORMAT_VERSION:
+        remedy = "calibrate again" if version in range(FORMAT_VERSION) else "upgrade pinholify"
+        found = f"'{name}' has camera format {version} and this pinholify reads {FORMAT_VERSION}"
+        raise CameraFileError(f"{found}: {remedy}")
     try:
         return _checked(_decode(header["calibration"], arrays), header)
     except Exception as error:  # a damaged file can raise anything
