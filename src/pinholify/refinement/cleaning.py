@@ -18,9 +18,10 @@ from pinholify.refinement.candidates import Candidate, Setting
 from pinholify.refinement.model import State
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.outliers import consistent, locally_consistent, misfitting_boards, with_enough
+from pinholify.refinement.posing import reposed, righted
 from pinholify.refinement.settle import Settled, settle
 from pinholify.refinement.solver import Loss, Solution, lengths, minimise, robust_scale
-from pinholify.refinement.start import ROBUST_LOSS, START_STEPS, reposed
+from pinholify.refinement.start import ROBUST_LOSS, START_STEPS, settled_poses
 from pinholify.refinement.trust import trusts
 
 MAX_ROUNDS = 3
@@ -69,10 +70,11 @@ def _screened(first: Solution, everything: Observations) -> tuple[Observations, 
     seen = everything.select(keep)
     state = first.state.of_boards(np.isin(np.arange(everything.boards), everything.view[keep]))
     precision = first.model.trend_precision()
-    known = minimise(first.model, state, seen.thinned(), precision, ROBUST_LOSS, most_steps=START_STEPS)
+    some = seen.thinned()
+    known = minimise(first.model, state, some, precision, ROBUST_LOSS, most_steps=START_STEPS)
     if known is None:
         raise CalibrationError("the joint solve broke down at its start: check the board's size")
-    return seen, known
+    return seen, settled_poses(known, some)
 
 
 def spoilt(solution: Solution, seen: Observations) -> bool:
@@ -96,7 +98,7 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
     for _ in range(MAX_ROUNDS):
         before, trust = trust, _trusted(settled, seen, everything, trust)
         everything = unweighted.weighted(trust)
-        state, residual = _judged(settled, seen, everything)
+        state, residual = _judged(settled, seen, everything, trust)
         keep, misfits = _verdict(residual, settled.hyperparameters.noise, everything)
         if np.array_equal(everything.image[keep], seen.image) and not _differ(trust, before):
             break
@@ -107,7 +109,7 @@ def clean(setting: Setting, best: Candidate, seen: Observations, everything: Obs
         best = replace(best, hyperparameters=settled.hyperparameters)
         setting = replace(setting, shape=settled.model.shape, motion=settled.model.motion)
         settled = settle(setting, best, seen, (state.of_boards(kept), settled.model.basis))
-    state, residual = _judged(settled, seen, everything)
+    state, residual = _judged(settled, seen, everything, trust)
     inside = dict(zip(everything.names, everything.slices(), strict=True))
     inlier = np.zeros(len(everything.view), dtype=bool)
     inlier[keep] = True
@@ -137,10 +139,13 @@ def _differ(weights: Floats, others: Floats) -> bool:
     return bool(np.abs(np.log(weights / others)).max() > np.log(MIN_WEIGHT_RATIO))
 
 
-def _judged(settled: Settled, seen: Observations, everything: Observations) -> tuple[State, Floats]:
+def _judged(
+    settled: Settled, seen: Observations, everything: Observations, trust: Floats
+) -> tuple[State, Floats]:
     """The camera with the poses of all boards, and the residuals (N, 2) of all corners, nan where it has no ray.
 
-    Boards that were set aside get poses by the finished camera.
+    Boards that were set aside get poses by the finished camera, and so do those that fit badly: their weights include
+    a ``trust`` (K,) that may be small because their poses were wrong.
     """
     model, camera = settled.model, settled.solution.state
     used = np.isin(everything.names, seen.names)
@@ -159,6 +164,7 @@ def _judged(settled: Settled, seen: Observations, everything: Observations) -> t
             rotations, translations, motions = poses
             rotations[aside], translations[aside] = posed.state.rotations, posed.state.translations
             motions[aside] = posed.state.motions
+    state = righted(model, state, everything.weighted(1.0 / trust), settled.precision)
     return state, model.predict(state, everything).residual
 
 

@@ -12,7 +12,7 @@ an axis outside the image. It starts the solve where it explains the corners cle
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -22,11 +22,12 @@ from pinholify.calibration.numbering import FEWEST_CORNERS
 from pinholify.camera import VirtualCamera
 from pinholify.charts import AngleChart, angles_to_directions, directions_to_angles
 from pinholify.errors import CalibrationError, InputError
-from pinholify.geometry import nearest_rotation, rotation_about_z
+from pinholify.geometry import rotation_about_z
 from pinholify.refinement.candidates import Setting
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.observations import ImageFrame, Observations
 from pinholify.refinement.outliers import with_enough
+from pinholify.refinement.posing import poses_of_directions, reposed, righted
 from pinholify.refinement.solver import Loss, Solution, minimise
 from pinholify.refinement.trends import Angles, LensTrend
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
@@ -154,26 +155,6 @@ def simple_lenses() -> list[SimpleLens]:
     ]
 
 
-def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats, Floats]:
-    """Poses, (K, 3, 3) and (K, 3) in squares, of all boards from the ``directions`` (N, 3) of their corners.
-
-    The direct linear transform solves d × (r₁ X + r₂ Y + t) = 0, with the sign that puts the points along the
-    directions, and takes the nearest rotation. A board of too few corners gets a meaningless pose, not an error.
-    """
-    size = float(np.abs(seen.lattice).max())
-    points = np.column_stack([seen.lattice / size, np.ones(len(seen.lattice))])
-    d = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    across = np.eye(3) - d[:, :, None] * d[:, None, :]
-    products = seen.sums((points[:, :, None] * points[:, None, :])[:, :, None, :, None] * across[:, None, :, None, :])
-    columns = np.linalg.eigh(products.reshape(-1, 9, 9))[1][:, :, 0].reshape(-1, 3, 3)  # rows: r₁, r₂, t up to scale
-    along = seen.sums(np.einsum("ni,nij,nj->n", points, columns[seen.view], d))
-    columns = columns * np.where(along < 0, -1.0, 1.0)[:, None, None]
-    lengths = np.linalg.norm(columns[:, :2], axis=2).mean(axis=1)[:, None]
-    first, second = columns[:, 0] / lengths, columns[:, 1] / lengths
-    rotations = nearest_rotation(np.stack([first, second, np.cross(first, second)], axis=2))
-    return rotations, columns[:, 2] / lengths * size
-
-
 def board_misfit(lens: Lens, seen: Observations) -> tuple[Floats, Floats, Floats]:
     """RMS misfit (K,) of each board under ``lens``, in normalised image units, and the poses as in closed form.
 
@@ -258,7 +239,17 @@ def _of_all_boards(found: Solution, seen: Observations) -> Solution:
     """``found``, a solution of some boards, solved again for all of them."""
     model = found.model
     state = reposed(model, found.state, seen)
-    return minimise(model, state, seen, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS) or found
+    known = minimise(model, state, seen, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS)
+    return found if known is None else settled_poses(known, seen)
+
+
+def settled_poses(known: Solution, seen: Observations) -> Solution:
+    """``known``, solved again where a board of ``seen`` had been caught in a wrong pose."""
+    precision = known.model.trend_precision()
+    state = righted(known.model, known.state, seen, precision)
+    if state is known.state:
+        return known
+    return minimise(known.model, state, seen, precision, ROBUST_LOSS, most_steps=START_STEPS) or known
 
 
 def _solve_from(model: Model, lens: Lens, seen: Observations) -> Solution | None:
@@ -275,12 +266,3 @@ def _solve_from(model: Model, lens: Lens, seen: Observations) -> Solution | None
     eta = np.zeros(len(model.shape.prior_std))
     state = State.still(beta, eta, rotations[good], translations[good])
     return minimise(model, state, some, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS)
-
-
-def reposed(model: Model, camera: State, seen: Observations) -> State:
-    """``camera`` with the poses of all boards of ``seen``, by the direct linear transform of their corners' rays."""
-    w = model.basis.undisplaced(camera.weights, seen.image)
-    directions = model.trend.chart.directions(model.trend.ray(camera.beta, w))
-    directions[~np.isfinite(directions).all(axis=1)] = [0.0, 0.0, 1.0]
-    rotations, translations = poses_of_directions(directions, seen)
-    return replace(camera, rotations=rotations, translations=translations, motions=np.zeros_like(translations))

@@ -1,0 +1,115 @@
+"""Poses of boards for a camera that is known: in closed form, and out of wrong minima."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pinholify.arrays import Bools, Floats
+from pinholify.geometry import nearest_rotation
+from pinholify.refinement.model import Model, State
+from pinholify.refinement.observations import Observations
+from pinholify.refinement.solver import Loss, lengths, minimise, robust_scale
+
+REWEIGHTINGS = 10
+SPOILT_RATIO = 8.0  # of a corner's error to the median one of its board: beyond it the corner is wrong, not the lens
+DOUBTFUL_RATIO = 3.0  # of a board's residuals to those of the typical board: beyond it other poses are tried
+BETTER_RATIO = 1.5  # of two poses' residuals: with less the present one stays
+HUBER = 3.0  # standard deviations
+
+
+def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats, Floats]:
+    """Poses, (K, 3, 3) and (K, 3) in squares, of all boards from the ``directions`` (N, 3) of their corners.
+
+    The direct linear transform solves d × (r₁ X + r₂ Y + t) = 0, with the sign that puts the points along the
+    directions, and takes the nearest rotation. On boards where some corners lie far off, these lose their influence. A
+    board of too few corners gets a meaningless pose, not an error.
+    """
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    weight = np.ones(len(directions))
+    rotations, translations = _linear_poses(directions, seen, weight)
+    for _ in range(REWEIGHTINGS):
+        points = np.einsum("nij,nj->ni", rotations[seen.view][:, :, :2], seen.lattice) + translations[seen.view]
+        with np.errstate(invalid="ignore"):
+            off = np.linalg.norm(points / np.linalg.norm(points, axis=1, keepdims=True) - directions, axis=1)
+        typical = np.array([np.median(off[rows]) for rows in seen.slices()])
+        spoilt = seen.sums((off > SPOILT_RATIO * typical[seen.view]).astype(float)) > 0
+        if not spoilt.any():
+            break
+        again = spoilt[seen.view]
+        relative = off[again] / np.maximum(typical[seen.view][again], 1e-300)
+        weight[again] = 1.0 / (1.0 + (relative / 2.0) ** 2)
+        new = _linear_poses(directions[again], seen.select(again), weight[again])
+        rotations[spoilt], translations[spoilt] = new
+    return rotations, translations
+
+
+def _linear_poses(d: Floats, seen: Observations, weight: Floats) -> tuple[Floats, Floats]:
+    """The poses of :func:`poses_of_directions` from unit directions ``d`` (N, 3) with ``weight`` (N,)."""
+    size = float(np.abs(seen.lattice).max())
+    points = np.column_stack([seen.lattice / size, np.ones(len(seen.lattice))])
+    across = weight[:, None, None] * (np.eye(3) - d[:, :, None] * d[:, None, :])
+    products = seen.sums((points[:, :, None] * points[:, None, :])[:, :, None, :, None] * across[:, None, :, None, :])
+    columns = np.linalg.eigh(products.reshape(-1, 9, 9))[1][:, :, 0].reshape(-1, 3, 3)  # rows: r₁, r₂, t up to scale
+    along = seen.sums(np.einsum("ni,nij,nj->n", points, columns[seen.view], d))
+    columns = columns * np.where(along < 0, -1.0, 1.0)[:, None, None]
+    lengths = np.linalg.norm(columns[:, :2], axis=2).mean(axis=1)[:, None]
+    first, second = columns[:, 0] / lengths, columns[:, 1] / lengths
+    rotations = nearest_rotation(np.stack([first, second, np.cross(first, second)], axis=2))
+    return rotations, columns[:, 2] / lengths * size
+
+
+def reposed(model: Model, camera: State, seen: Observations) -> State:
+    """``camera`` with the poses of all boards of ``seen``, by the direct linear transform of their corners' rays."""
+    w = model.basis.undisplaced(camera.weights, seen.image)
+    directions = model.trend.chart.directions(model.trend.ray(camera.beta, w))
+    directions[~np.isfinite(directions).all(axis=1)] = [0.0, 0.0, 1.0]
+    rotations, translations = poses_of_directions(directions, seen)
+    return replace(camera, rotations=rotations, translations=translations, motions=np.zeros_like(translations))
+
+
+def righted(model: Model, state: State, seen: Observations, precision: Floats) -> State:
+    """``state`` with every board that fits much worse than the typical one in the best of several poses.
+
+    A descent can end in a pose that is not the best one: with the tilt reversed, where perspective is weak, or where
+    wrong corners led it. ``precision`` (D,) is the prior's. The same object is returned where no board is improved.
+    """
+    misfit = _misfits(model, state, seen)
+    noise = float(np.median(misfit))
+    loss, found = Loss(noise, HUBER), state
+    for k in np.flatnonzero(misfit > DOUBTFUL_RATIO * noise):
+        only = np.arange(seen.boards) == k
+        own, some = state.of_boards(only), seen.select(seen.view == k)
+        linear = reposed(model, own, some)
+        for start in (linear, _reversed(linear), _reversed(own)):
+            posed = minimise(model, start, some, precision, loss, poses_only=True)
+            if posed is None or (reached := float(_misfits(model, posed.state, some)[0])) > misfit[k] / BETTER_RATIO:
+                continue
+            misfit[k] = reached
+            found = _with_poses(found, only, posed.state)
+    return found
+
+
+def _misfits(model: Model, state: State, seen: Observations) -> Floats:
+    """The robust scale (K,) of the residuals of each board; inf where the trend misses a corner."""
+    length = lengths(model.predict(state, seen).residual, seen.weight)
+    return np.nan_to_num([robust_scale(length[rows]) for rows in seen.slices()], nan=np.inf)
+
+
+def _with_poses(state: State, which: Bools, posed: State) -> State:
+    """``state`` with the poses of ``posed`` for the boards ``which`` (K,)."""
+    poses = {name: np.array(getattr(state, name)) for name in ("rotations", "translations", "motions")}
+    for name, values in poses.items():
+        values[which] = getattr(posed, name)
+    return replace(state, **poses)
+
+
+def _reversed(state: State) -> State:
+    """``state`` with the tilt of each board against the line of sight to its middle reversed.
+
+    Under weak perspective the image of a board is nearly the same.
+    """
+    sight = state.translations / np.linalg.norm(state.translations, axis=1, keepdims=True)
+    mirror = np.eye(3) - 2.0 * sight[:, :, None] * sight[:, None, :]
+    return replace(state, rotations=mirror @ state.rotations @ np.diag([1.0, 1.0, -1.0]))
