@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from pinholify.arrays import Bools, Floats
-from pinholify.calibration.observation import sighting_of
+from pinholify.calibration.observation import FEWEST_POINTS, sighting_of
 from pinholify.calibration.poses import refine_pose
 from pinholify.camera import VirtualCamera, virtual
 from pinholify.errors import InputError
@@ -40,7 +40,6 @@ __all__ = [
     "undistortion_table",
 ]
 
-FEWEST_POINTS = 4
 MANY = 20_000  # points, from which on a table is used
 TOLERANCE = 5e-4  # px
 LEAST_COSINE = np.cos(np.deg2rad(80.0))  # to the mean ray; farther out, points of a plane across it are useless

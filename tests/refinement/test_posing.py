@@ -10,7 +10,7 @@ from pinholify.corners import Corners
 from pinholify.refinement import refine
 from pinholify.refinement.candidates import Setting
 from pinholify.refinement.observations import Observations, image_frame, lattice_middle, observations
-from pinholify.refinement.posing import poses_of_directions, righted
+from pinholify.refinement.posing import righted, robust_poses
 from pinholify.refinement.shape import board_shape
 from pinholify.refinement.solver import Solution
 from pinholify.refinement.spectral import density_named
@@ -39,7 +39,7 @@ def test_a_few_wrong_corners_do_not_bend_the_pose_of_their_board() -> None:
     seen = observations(scene.corners.views, BOARD, FRAME)
     directions = directions_of(scene, seen)
     directions[[3, 17, 60, 61, 62]] += 2.0 * np.random.default_rng(0).normal(size=(5, 3))
-    rotations, translations = poses_of_directions(directions, seen)
+    rotations, translations = robust_poses(directions, seen)
     assert angles_deg(rotations, scene.rotations).max() < 0.5
     np.testing.assert_allclose(translations, middles(scene), rtol=0.01, atol=0.05)
 

@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 
 from pinholify.calibration.numbering import handedness
+from pinholify.calibration.poses import poses_of_directions
 from pinholify.corners import Corners, CornerSet
 from pinholify.errors import CalibrationError
 from pinholify.refinement import refine
 from pinholify.refinement.observations import image_frame, lattice_middle, observations
 from pinholify.refinement.outliers import locally_consistent, misfitting_boards, usable_views, with_enough
-from pinholify.refinement.start import SimpleLens, poses_of_directions, scan, simple_lenses
+from pinholify.refinement.start import SimpleLens, scan, simple_lenses
 
 from .conftest import BOARD, FOCAL, SIZE, Scene, make_scene
 
@@ -24,7 +25,7 @@ def true_directions(scene: Scene) -> np.ndarray:
 def test_poses_from_true_directions_are_exact(name: str) -> None:
     scene = make_scene(name, noise=0.0)
     seen = observations(scene.corners.views, BOARD, FRAME)
-    rotations, translations = poses_of_directions(true_directions(scene), seen)
+    rotations, translations = poses_of_directions(true_directions(scene), seen.lattice, seen.starts)
     middle = np.append(lattice_middle(BOARD), 0.0)
     np.testing.assert_allclose(rotations, scene.rotations, atol=1e-7)
     np.testing.assert_allclose(translations, scene.translations + scene.rotations @ middle, atol=1e-6)

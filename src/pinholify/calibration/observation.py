@@ -10,13 +10,21 @@ import numpy as np
 from pinholify.arrays import Bools, Floats, Ints
 from pinholify.board import Board
 from pinholify.board import lattice as board_lattice
-from pinholify.calibration.poses import Sighting, refine_pose
+from pinholify.calibration.poses import Sighting, poses_of_directions, refine_pose
 from pinholify.calibration.result import flat
 from pinholify.calibration.zhang import pose_from_homography
 from pinholify.camera import VirtualCamera
 from pinholify.charts import Intrinsics
 from pinholify.corners import SAME, Corners, CornerSet, repeated
-from pinholify.geometry import Pose, apply_homography, estimate_homography, homography_jacobian, rotation_to_z
+from pinholify.errors import CalibrationError
+from pinholify.geometry import (
+    Pose,
+    apply_homography,
+    estimate_homography,
+    homography_jacobian,
+    inverse_2x2,
+    rotation_to_z,
+)
 
 if TYPE_CHECKING:
     from pinholify.gp.maps import PlaneMap
@@ -25,6 +33,8 @@ MINIMUM_CORNERS = 8
 MINIMUM_SHARE_INSIDE = 0.9  # of a board's corners
 MAX_MISFIT_RATIO = 10.0  # to the median misfit of all boards; beyond it corners are wrong
 MAX_RAY_ANGLE_RAD = np.deg2rad(85.0)  # from the axis; towards 90° virtual points go to infinity
+MAX_PLANE_ANGLE_RAD = np.deg2rad(60.0)  # from the mean ray, of points whose pose starts from a homography
+FEWEST_POINTS = 4  # of a pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,11 +100,11 @@ def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: 
 
     Corners where the map cannot be inverted do not count.
     """
-    with np.errstate(invalid="ignore"):
-        invertible = np.abs(np.linalg.det(jacobian)) > 0.0  # False where it is nan
+    inverse = inverse_2x2(jacobian)
+    invertible = np.isfinite(inverse).all(axis=(1, 2))
     inside = inside.copy()
     inside[inside] = invertible
-    xy, jacobian = xy[invertible], jacobian[invertible]
+    xy, inverse = xy[invertible], inverse[invertible]
     count, total = int(inside.sum()), len(view)
     if count < max(MINIMUM_CORNERS, MINIMUM_SHARE_INSIDE * total):
         return unused(view, f"only {count} of {total} corners lie where the camera is valid", inside)
@@ -102,7 +112,7 @@ def map_board(view: Corners, board: Board, inside: Bools, xy: Floats, jacobian: 
     if np.linalg.matrix_rank(lattice - lattice.mean(axis=0)) < 2:
         return unused(view, "all its corners lie on one line", inside)
     weights = view.weights[inside]
-    whitening = np.linalg.inv(jacobian) * weights[:, None, None]
+    whitening = inverse * weights[:, None, None]
     homography = estimate_homography(lattice, xy, whitening)
     if np.linalg.det(homography_jacobian(homography, lattice.mean(axis=0, keepdims=True))[0]) < 0:
         return unused(view, "its corners are numbered with the opposite handedness to the reference's", inside)
@@ -189,8 +199,12 @@ def map_views(camera: VirtualCamera, corner_set: CornerSet) -> list[MappedBoard]
 
 
 def sighting_of(camera: VirtualCamera, target: Floats, uv: Floats) -> Sighting:
-    """The ``target`` points of a board, (n, 2) on its plane or (n, 3), as ``camera`` saw them at ``uv`` (n, 2) px."""
-    whitening: Floats = np.asarray(np.linalg.inv(camera.plane_map.jacobian(uv)), dtype=np.float64)
+    """The ``target`` points of a board, (n, 2) on its plane or (n, 3), as ``camera`` saw them at ``uv`` (n, 2) px.
+
+    The whitening is nan where the camera's map is not one to one.
+    """
+    whitening = inverse_2x2(camera.plane_map.jacobian(uv))
+    whitening[~np.isfinite(whitening).all(axis=(1, 2))] = np.nan
     return Sighting(target, camera.plane_map.value(uv), whitening)
 
 
@@ -205,12 +219,33 @@ def _locate(camera: VirtualCamera, board: MappedBoard, seen: Sighting, closed_fo
 def estimate_pose(camera: VirtualCamera, seen: Sighting) -> tuple[Pose, Floats]:
     """The pose of least squared px residuals of a flat target, and its covariance (6, 6) at 1 px of noise per axis.
 
-    It starts from a homography in a plane perpendicular to the mean ray, so rays may be beyond 90° from the axis.
+    Rays may be beyond 90° from the axis, and from each other. Points whose coordinates or whitening are not finite do
+    not count. Raises CalibrationError for fewer than four others.
     """
-    directions = camera.chart.directions(seen.coordinates)
+    known = np.asarray(np.isfinite(seen.coordinates).all(axis=1) & np.isfinite(seen.whitening).all(axis=(1, 2)))
+    if known.sum() < FEWEST_POINTS:
+        raise CalibrationError(
+            f"a pose needs {FEWEST_POINTS} points whose pixels have rays, and {known.sum()} of {len(known)} do: give "
+            "more of them, inside the camera's domain"
+        )
+    if not known.all():
+        seen = Sighting(seen.target[known], seen.coordinates[known], seen.whitening[known])
+    return refine_pose(seen, first_pose(seen.target[:, :2], camera.chart.directions(seen.coordinates)), camera.chart)
+
+
+def first_pose(lattice: Floats, directions: Floats) -> Pose:
+    """The pose in closed form of a flat board's points ``lattice`` (n, 2) in squares, seen along ``directions`` (n, 3).
+
+    It is that of a homography to a plane perpendicular to the mean ray, unless points reach far from that ray, where
+    the plane magnifies errors or ends.
+    """
     axis = directions.mean(axis=0)
     turn = rotation_to_z(axis / np.linalg.norm(axis)).T
     local = directions @ turn
-    xy = local[:, :2] / local[:, 2:]
-    start = pose_from_homography(estimate_homography(seen.target[:, :2], xy), Intrinsics(1.0, 0.0, 0.0))
-    return refine_pose(seen, Pose(turn @ start.rotation, turn @ start.translation), camera.chart)
+    if local[:, 2].min() < np.cos(MAX_PLANE_ANGLE_RAD):
+        middle = lattice.mean(axis=0)
+        rotations, translations = poses_of_directions(directions, lattice - middle, np.array([0]))
+        return Pose(rotations[0], translations[0] - rotations[0][:, :2] @ middle)
+    homography = estimate_homography(lattice, local[:, :2] / local[:, 2:])
+    start = pose_from_homography(homography, Intrinsics(1.0, 0.0, 0.0))
+    return Pose(turn @ start.rotation, turn @ start.translation)

@@ -1,7 +1,8 @@
-"""Least-squares refinement of a pose, and of K with all poses: Levenberg-Marquardt with the poses eliminated.
+"""Poses from directions in closed form, and least squares of a pose, or of K with all poses.
 
-Residuals are in px of the original image: each difference of virtual points or rays is multiplied by its corner's
-whitening, the inverse of the map's Jacobian.
+The least squares are solved by Levenberg-Marquardt with the poses eliminated. Residuals are in px of the original
+image: each difference of virtual points or rays is multiplied by its corner's whitening, the inverse of the map's
+Jacobian.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pinholify.arrays import Floats
+from pinholify.arrays import Floats, Ints
 from pinholify.charts import Chart, Intrinsics, PlaneChart
-from pinholify.geometry import POSE_DOF, Pose
+from pinholify.geometry import POSE_DOF, Pose, nearest_rotation
 
 MAX_STEPS = 50
 RELATIVE_TOLERANCE = 1e-10  # decrease of the cost, relative to it, that ends the descent
@@ -36,6 +37,33 @@ class Sighting:
     target: Floats
     coordinates: Floats
     whitening: Floats
+
+
+def poses_of_directions(
+    directions: Floats, lattice: Floats, starts: Ints, weight: Floats | float = 1.0
+) -> tuple[Floats, Floats]:
+    """Poses, (K, 3, 3) and (K, 3) in squares, of flat boards from the ``directions`` (N, 3) of their corners.
+
+    ``lattice`` (N, 2) are the corners in squares, sorted by board, ``starts`` (K,) each board's first one, and
+    ``weight`` (N,) multiplies the squares of their errors. The
+    direct linear transform solves d × (r₁ X + r₂ Y + t) = 0, with the sign that puts the points along the directions,
+    and takes the nearest rotation; it works beyond 90° too. A board of too few corners gets a meaningless pose, not an
+    error.
+    """
+    size = float(np.abs(lattice).max())
+    points = np.column_stack([lattice / size, np.ones(len(lattice))])
+    view = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(lattice)))
+    d = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    across = np.reshape(weight, (-1, 1, 1)) * (np.eye(3) - d[:, :, None] * d[:, None, :])
+    products = (points[:, :, None] * points[:, None, :])[:, :, None, :, None] * across[:, None, :, None, :]
+    of_boards = np.add.reduceat(products, starts, axis=0).reshape(-1, 9, 9)
+    columns = np.linalg.eigh(of_boards)[1][:, :, 0].reshape(-1, 3, 3)  # rows: r₁, r₂, t up to scale
+    along = np.add.reduceat(np.einsum("ni,nij,nj->n", points, columns[view], d), starts)
+    columns = columns * np.where(along < 0, -1.0, 1.0)[:, None, None]
+    lengths = np.linalg.norm(columns[:, :2], axis=2).mean(axis=1)[:, None]
+    first, second = columns[:, 0] / lengths, columns[:, 1] / lengths
+    rotations = nearest_rotation(np.stack([first, second, np.cross(first, second)], axis=2))
+    return rotations, columns[:, 2] / lengths * size
 
 
 def pose_residuals(sighting: Sighting, pose: Pose, chart: Chart) -> tuple[Floats, Floats]:

@@ -57,7 +57,10 @@ def _fits_better_turned(calibration: Calibration, view: Corners) -> bool:
     points = seen.lattice(calibration.corner_set.board)
     if len(seen) < FEWEST_CORNERS or np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:  # on one line: no pose
         return False
-    now, then = (_lengths(calibration, seen.uv, each.ids) for each in (seen, _half_turned(seen, calibration)))
+    both = [_lengths(calibration, seen.uv, each.ids) for each in (seen, _half_turned(seen, calibration))]
+    now, then = (each[np.isfinite(both).all(axis=0)] for each in both)
+    if len(now) < FEWEST_CORNERS:
+        return False
     scale = max(min(float(np.median(now)), float(np.median(then))), 1e-12)
     gain = np.log1p((now / scale) ** 2).sum() - np.log1p((then / scale) ** 2).sum()  # wrong corners count little
     return bool(gain > MINIMUM_GAIN)

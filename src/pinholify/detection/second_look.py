@@ -25,6 +25,7 @@ from pinholify.detection.intensity import Grey, grey_levels
 from pinholify.detection.lattice import Lattice
 from pinholify.detection.prediction import Prediction
 from pinholify.detection.refine import fit_corners, settled, true_corners, weights
+from pinholify.errors import CalibrationError
 from pinholify.geometry import Pose
 
 STEP = 0.25
@@ -79,7 +80,7 @@ def expect(camera: VirtualCamera, view: Corners, board: Board) -> Expected | Non
         return None
     try:
         pose, covariance = estimate_pose(camera, sighting_of(camera, flat(points[known]), view.uv[known]))
-    except np.linalg.LinAlgError:  # no pose fits the corners of another camera
+    except (CalibrationError, np.linalg.LinAlgError):  # no pose fits the corners of another camera
         return None
     places = lattice(board)
     around = places[:, None] + STEP * AROUND

@@ -13,6 +13,7 @@ from pinholify.calibration.observation import estimate_pose, sighting_of
 from pinholify.calibration.poses import pose_residuals
 from pinholify.calibration.result import Calibration
 from pinholify.corners import Corners, CornerSet
+from pinholify.errors import CalibrationError
 from pinholify.evaluation.baseline import BoardPoints, fit_opencv
 from pinholify.evaluation.measures import rms
 from pinholify.evaluation.wrong_corners import wrong_corners
@@ -94,7 +95,7 @@ def camera_residuals(calibration: Calibration, board: Board) -> PoseResiduals:
         try:
             sighting = sighting_of(camera, points[view.ids], view.uv)
             pose, _ = estimate_pose(camera, sighting)
-        except np.linalg.LinAlgError:
+        except (CalibrationError, np.linalg.LinAlgError):
             return None
         return pose_residuals(sighting, pose, camera.chart)[0].reshape(-1, 2)
 

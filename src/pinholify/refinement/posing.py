@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pinholify.arrays import Bools, Floats
-from pinholify.geometry import nearest_rotation
+from pinholify.calibration.poses import poses_of_directions
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.solver import Loss, lengths, minimise, robust_scale
@@ -19,7 +19,7 @@ BETTER_RATIO = 1.5  # of two poses' residuals: with less the present one stays
 HUBER = 3.0  # standard deviations
 
 
-def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats, Floats]:
+def robust_poses(directions: Floats, seen: Observations) -> tuple[Floats, Floats]:
     """Poses, (K, 3, 3) and (K, 3) in squares, of all boards from the ``directions`` (N, 3) of their corners.
 
     The direct linear transform solves d × (r₁ X + r₂ Y + t) = 0, with the sign that puts the points along the
@@ -28,7 +28,7 @@ def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats,
     """
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     weight = np.ones(len(directions))
-    rotations, translations = _linear_poses(directions, seen, weight)
+    rotations, translations = poses_of_directions(directions, seen.lattice, seen.starts)
     for _ in range(REWEIGHTINGS):
         points = np.einsum("nij,nj->ni", rotations[seen.view][:, :, :2], seen.lattice) + translations[seen.view]
         with np.errstate(invalid="ignore"):
@@ -40,24 +40,10 @@ def poses_of_directions(directions: Floats, seen: Observations) -> tuple[Floats,
         again = spoilt[seen.view]
         relative = off[again] / np.maximum(typical[seen.view][again], 1e-300)
         weight[again] = 1.0 / (1.0 + (relative / 2.0) ** 2)
-        new = _linear_poses(directions[again], seen.select(again), weight[again])
-        rotations[spoilt], translations[spoilt] = new
+        some = seen.select(again)
+        found = poses_of_directions(directions[again], some.lattice, some.starts, weight[again])
+        rotations[spoilt], translations[spoilt] = found
     return rotations, translations
-
-
-def _linear_poses(d: Floats, seen: Observations, weight: Floats) -> tuple[Floats, Floats]:
-    """The poses of :func:`poses_of_directions` from unit directions ``d`` (N, 3) with ``weight`` (N,)."""
-    size = float(np.abs(seen.lattice).max())
-    points = np.column_stack([seen.lattice / size, np.ones(len(seen.lattice))])
-    across = weight[:, None, None] * (np.eye(3) - d[:, :, None] * d[:, None, :])
-    products = seen.sums((points[:, :, None] * points[:, None, :])[:, :, None, :, None] * across[:, None, :, None, :])
-    columns = np.linalg.eigh(products.reshape(-1, 9, 9))[1][:, :, 0].reshape(-1, 3, 3)  # rows: r₁, r₂, t up to scale
-    along = seen.sums(np.einsum("ni,nij,nj->n", points, columns[seen.view], d))
-    columns = columns * np.where(along < 0, -1.0, 1.0)[:, None, None]
-    lengths = np.linalg.norm(columns[:, :2], axis=2).mean(axis=1)[:, None]
-    first, second = columns[:, 0] / lengths, columns[:, 1] / lengths
-    rotations = nearest_rotation(np.stack([first, second, np.cross(first, second)], axis=2))
-    return rotations, columns[:, 2] / lengths * size
 
 
 def reposed(model: Model, camera: State, seen: Observations) -> State:
@@ -65,7 +51,7 @@ def reposed(model: Model, camera: State, seen: Observations) -> State:
     w = model.basis.undisplaced(camera.weights, seen.image)
     directions = model.trend.chart.directions(model.trend.ray(camera.beta, w))
     directions[~np.isfinite(directions).all(axis=1)] = [0.0, 0.0, 1.0]
-    rotations, translations = poses_of_directions(directions, seen)
+    rotations, translations = robust_poses(directions, seen)
     return replace(camera, rotations=rotations, translations=translations, motions=np.zeros_like(translations))
 
 

@@ -27,7 +27,7 @@ from pinholify.refinement.candidates import Setting
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.observations import ImageFrame, Observations
 from pinholify.refinement.outliers import with_enough
-from pinholify.refinement.posing import poses_of_directions, reposed, righted
+from pinholify.refinement.posing import reposed, righted, robust_poses
 from pinholify.refinement.solver import Loss, Solution, minimise
 from pinholify.refinement.trends import Angles, LensTrend
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
@@ -163,7 +163,7 @@ def board_misfit(lens: Lens, seen: Observations) -> tuple[Floats, Floats, Floats
     directions = lens.directions(seen.image)
     blind = ~np.isfinite(directions).all(axis=1)
     directions[blind] = [0.0, 0.0, 1.0]
-    rotations, translations = poses_of_directions(directions, seen)
+    rotations, translations = robust_poses(directions, seen)
     camera = np.einsum("nij,nj->ni", rotations[seen.view][:, :, :2], seen.lattice) + translations[seen.view]
     unit = camera / np.linalg.norm(camera, axis=1, keepdims=True)
     squares = ((unit - directions) ** 2).sum(axis=1) * lens.radian(seen.image) ** 2
