@@ -79,8 +79,8 @@ class VirtualCamera:
     ``plane_map`` maps pixels to chart coordinates; ``chart`` maps those to rays, and holds K. The frame is the
     reference board's: the optical centre is the origin, z is perpendicular to that board, and its plane is the virtual
     plane at z = f squares. ``image_size`` is (width, height) px; ``mirrored`` is whether the image is a reflection;
-    ``noise_px`` is the fitted standard deviation per axis of a corner's position. Pixels and points that are not finite
-    give nan.
+    ``noise_px`` is the fitted standard deviation per axis of the position of a corner of weight one, the only number
+    that depends on the unit of the weights. Pixels and points that are not finite give nan.
     """
 
     plane_map: PlaneMap

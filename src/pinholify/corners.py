@@ -165,6 +165,18 @@ class CornerSet:
         """The views that show a board."""
         return tuple(view for view in self.views if view.found)
 
+    @property
+    def typical_weight(self) -> float:
+        """The median of the corners' weights; 1 where that is not positive, or where there are no corners."""
+        weights = np.concatenate([view.weights for view in self.views]) if self.found else np.ones(1)
+        return float(np.median(weights)) if np.median(weights) > 0.0 else 1.0
+
+    @property
+    def typically_weighted(self) -> CornerSet:
+        """The same corners with their weights divided by the typical one, since only the ratios of weights matter."""
+        typical = self.typical_weight
+        return self.with_views(replace(view, weights=view.weights / typical) for view in self.views)
+
     def with_views(self, views: Iterable[Corners]) -> CornerSet:
         """The same board and image size with other ``views``."""
         return replace(self, views=tuple(views))

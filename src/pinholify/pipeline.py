@@ -135,9 +135,18 @@ def _calibrated(
     corner_set, renumbered = numbered_alike(corner_set, settings.mirrored)
     solve = _joint if settings.method == "joint" else _one_image
     make = partial(solve, settings=settings, reference=reference, square_mm=square_mm, progress=progress)
-    calibration, turned = _turned(make, corner_set, progress)
+    calibration, turned = _turned(make, corner_set.typically_weighted, progress)
     details = {**calibration.details, "renumbered_boards": {**renumbered, **turned}}
-    return replace(calibration, details=details, settings=settings)
+    return _weighted_as(corner_set, replace(calibration, details=details, settings=settings))
+
+
+def _weighted_as(given: CornerSet, calibration: Calibration) -> Calibration:
+    """``calibration`` of corners whose typical weight is 1, with the weights of ``given`` and the noise of weight 1."""
+    camera, pairs = calibration.camera, zip(calibration.corner_set.views, given.views, strict=True)
+    corners = calibration.corner_set.with_views(replace(view, weights=own.weights) for view, own in pairs)
+    return replace(
+        calibration, camera=replace(camera, noise_px=camera.noise_px * given.typical_weight), corner_set=corners
+    )
 
 
 def _turned(make: Make, corner_set: CornerSet, progress: Progress | None) -> tuple[Calibration, dict[str, str]]:

@@ -1,6 +1,7 @@
 """The verdict says what is true of cameras that are good, thinly covered, or wrong."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from pinholify.evaluation.summary import NOT_REQUESTED, HeldOut, OpenCVScore, ev
 from pinholify.evaluation.verdict import cell_centres, coverage, judge, noise_floor, place
 from pinholify.geometry import Pose
 from pinholify.pipeline import calibrate
+from pinholify.pipeline import recalibrate as again
 from pinholify.refinement.diagnosis import NextBoard
 from synthetic import corner_set
 
@@ -40,6 +42,37 @@ def test_the_noise_floor_counts_the_corners_weights(barrel_set, barrel_calibrati
     floor = noise_floor(evaluation, barrel_set)
     assert floor == pytest.approx(np.sqrt(2) * barrel_calibration.camera.noise_px)
     assert noise_floor(evaluation, halved) == pytest.approx(2 * floor)
+
+
+@pytest.mark.parametrize("method", ["joint", "one-image"])
+@pytest.mark.parametrize("factor", [0.1, 7.0, 1000.0])
+def test_only_ratios_of_weights_matter(method, factor):
+    rng = np.random.default_rng(0)
+    views = corner_set(10, squeeze=0.1).views
+    noisy = {"view3.png", "view8.png"}
+    weights = {v.name: np.full(len(v), 0.25 if v.name in noisy else 1.0) for v in views}
+    shaken = [
+        dataclasses.replace(v, uv=v.uv + 0.4 * rng.normal(size=v.uv.shape)) if v.name in noisy else v for v in views
+    ]
+    found = []
+    for scale in (1.0, factor):
+        corners = corner_set(10).with_views(dataclasses.replace(v, weights=scale * weights[v.name]) for v in shaken)
+        calibration = calibrate(corners, reference="view0.png", method=method)
+        np.testing.assert_array_equal(calibration.corner_set.views[3].weights, corners.views[3].weights)
+        evaluation = evaluate(calibration, corners, recalibrate=partial(again, calibration), compare_opencv=False)
+        found.append((calibration, evaluation, judge(evaluation, corners), noise_floor(evaluation, corners)))
+    (one, first, said, floor), (other, second, says, same_floor) = found
+    assert other.camera.noise_px == pytest.approx(factor * one.camera.noise_px, rel=1e-6)
+    assert other.camera.intrinsics.f == pytest.approx(one.camera.intrinsics.f, rel=1e-9)
+    np.testing.assert_allclose(other.intrinsics_std, one.intrinsics_std, rtol=1e-6)
+    assert other.camera.domain.max_std == pytest.approx(one.camera.domain.max_std, rel=1e-6)
+    assert second.heldout_px == pytest.approx(first.heldout_px, rel=1e-6)
+    assert [b.misfit_px for b in second.boards] == pytest.approx([b.misfit_px for b in first.boards], rel=1e-5)
+    assert same_floor == pytest.approx(floor, rel=1e-6)
+    assert says.sentence == said.sentence
+    assert (says.next_board is None) == (method == "one-image")
+    if said.next_board is not None:
+        assert says.next_board.std_after == pytest.approx(said.next_board.std_after, rel=1e-6)
 
 
 def test_a_board_that_looks_wrong_is_named(barrel_set, barrel_calibration):

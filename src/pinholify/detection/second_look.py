@@ -88,7 +88,8 @@ def expect(camera: VirtualCamera, view: Corners, board: Board) -> Expected | Non
     jacobian, second = _derivatives(uv)
     spacing = np.linalg.norm(jacobian, axis=1).min(axis=1)
     miss = (uv[view.ids, 0] - view.uv)[known]
-    scatter = float(np.fmax(camera.noise_px, 1.4826 * np.median(np.abs(miss))))  # an imported camera has no noise_px
+    noise = camera.noise_px / np.median(view.weights[known])
+    scatter = float(np.fmax(noise, 1.4826 * np.median(np.abs(miss))))  # an imported camera has no noise_px
     if not scatter < MAX_MISFIT * float(np.median(spacing[view.ids[known]])):
         return None
     inside = ((uv > 0) & (uv < np.array(camera.image_size) - 1)).all(axis=(1, 2))

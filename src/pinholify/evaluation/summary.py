@@ -157,7 +157,7 @@ def evaluate(
     Corners that its fit rejected as grossly wrong are left out for every method, in training and in scoring. Raises
     CalibrationError where no board can be scored.
     """
-    corner_set, notes = _numbered(calibration, corner_set)
+    corner_set, notes = _numbered(calibration, corner_set.typically_weighted)
     corner_set = centred(corner_set, calibration)
     known = frozenset(view.name for view in corner_set.found if calibration.known(view))
     wrong = wrong_corners(calibration, corner_set)

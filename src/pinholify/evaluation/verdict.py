@@ -92,7 +92,8 @@ def judge(evaluation: Evaluation, corner_set: CornerSet) -> Verdict:
     structure = structure_of(seen, corner_set)
     suspicious = tuple(s for s in suspicious_boards(seen, corner_set) if s.ratio > WRONG_RATIO)
     covered = coverage(camera)
-    best = next_board(camera, corner_set.board, {n: o.refined for n, o in evaluation.observed.items()})
+    poses = {name: observed.refined for name, observed in evaluation.observed.items()}
+    best = next_board(camera, corner_set.board, poses, weight=corner_set.typical_weight)
     left_out = structure_of(errors_left_out(evaluation, corner_set), corner_set)
     shared = shared_error_of(camera, evaluation.observed.values())
     level, reasons = _level(evaluation, noise_floor(evaluation, corner_set), covered, left_out, suspicious)
@@ -116,8 +117,10 @@ def residuals_of(evaluation: Evaluation, corner_set: CornerSet) -> CornerResidua
         residuals[view.name], inliers[view.name] = each, counted & np.isfinite(each).all(axis=1)
     # A board is suspicious only in comparison with the others: where all of them misfit, the camera is at fault.
     typical = [np.sqrt((residuals[n][keep] ** 2).mean()) for n, keep in inliers.items() if keep.any()]
-    noise = evaluation.calibration.camera.noise_px
-    return CornerResiduals(residuals, inliers, max([float(np.median(typical or 0.0)), noise, FINEST_PX / np.sqrt(2.0)]))
+    weight = corner_set.typical_weight
+    noise = evaluation.calibration.camera.noise_px / weight
+    largest = max([float(np.median(typical or 0.0)), noise, FINEST_PX / np.sqrt(2.0)])
+    return CornerResiduals(residuals, inliers, largest * weight)
 
 
 def structure_of(seen: CornerResiduals, corner_set: CornerSet) -> Structure:

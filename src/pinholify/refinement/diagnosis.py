@@ -150,14 +150,20 @@ class NextBoard:
 
 
 def next_board(
-    camera: VirtualCamera, board: Board, known: Mapping[str, Pose], *, targets: int = 5, seed: int = 0
+    camera: VirtualCamera,
+    board: Board,
+    known: Mapping[str, Pose],
+    *,
+    weight: float = 1.0,
+    targets: int = 5,
+    seed: int = 0,
 ) -> NextBoard | None:
     """The place where one more photograph of the board would lower the predicted variance over the image most.
 
     Boards are tried at the distances of the ``known`` ones, aimed at ``targets`` × ``targets`` pixels, with tilts that
-    people manage. For each, the posterior with its corners is computed (Bayesian experimental design; that needs no
-    measurement). Pixels where the map has no ray do not count, and no corner is placed there. None where the camera is
-    not a joint one, or no board fits into the image.
+    people manage and corners of the ``weight`` given. For each, the posterior with its corners is computed (Bayesian
+    experimental design; that needs no measurement). Pixels where the map has no ray do not count, and no corner is
+    placed there. None where the camera is not a joint one, or no board fits into the image.
     """
     errors = _px_errors(camera.plane_map, image_grid(camera.image_size, GRID_POINTS))
     if not errors.shape[2]:
@@ -167,7 +173,7 @@ def next_board(
     best, most = None, -1.0
     placements = list(_placements(camera, board, known, targets, np.random.default_rng(seed)))
     for pose, uv in _within_image(camera, board, placements):
-        gain = _explained(camera, board, pose, uv, spread)
+        gain = _explained(camera, board, pose, uv, spread, camera.noise_px / weight)
         if gain is not None and gain > most:
             best, most = pose, gain
     if best is None:
@@ -215,10 +221,13 @@ def _within_image(camera: VirtualCamera, board: Board, poses: Sequence[Pose]) ->
             yield pose, seen
 
 
-def _explained(camera: VirtualCamera, board: Board, pose: Pose, uv: Floats, spread: Floats) -> float | None:
+def _explained(
+    camera: VirtualCamera, board: Board, pose: Pose, uv: Floats, spread: Floats, noise_px: float
+) -> float | None:
     """The decrease of the sum of squares of ``spread`` by a board at ``pose`` with its corners at ``uv`` (n, 2).
 
-    ``spread`` (m, r) is the effect of a root of the covariance. None where the map has no ray at one of the corners.
+    ``spread`` (m, r) is the effect of a root of the covariance; ``noise_px`` is that of the corners, per axis. None
+    where the map has no ray at one of them.
     """
     plane_map = camera.plane_map
     every = max(1, len(uv) // SAMPLED_CORNERS)
@@ -229,7 +238,7 @@ def _explained(camera: VirtualCamera, board: Board, pose: Pose, uv: Floats, spre
     if not (np.isfinite(own).all() and np.isfinite(rows).all()):
         return None
     rows -= own @ np.linalg.lstsq(own, rows, rcond=None)[0]  # the new board's own pose is free
-    rows *= np.sqrt(every) / (camera.noise_px * plane_map.disagreement)  # a board as noisy as the known ones
+    rows *= np.sqrt(every) / (noise_px * plane_map.disagreement)  # a board as noisy as the known ones
     # Woodbury: (1 + BᵀB)⁻¹ = 1 − Bᵀ(1 + BBᵀ)⁻¹B with B the rows.
     root = np.linalg.cholesky(np.eye(len(rows)) + rows @ rows.T)
     return float((np.linalg.solve(root, rows @ spread.T) ** 2).sum())

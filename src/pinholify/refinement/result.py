@@ -151,7 +151,8 @@ def camera_of(
 ) -> VirtualCamera:
     """The virtual camera in the reference board's frame, whose domain is the hull of all corners.
 
-    ``error_px`` is the standard deviation of a corner in the photographs: noise, and shifts by warp and motions.
+    ``error_px`` is the standard deviation of a corner of typical weight in the photographs: noise, and shifts by warp
+    and motions.
     """
     frame = plane_map.frame
     limit = DOMAIN_STD * error_px * plane_map.disagreement
