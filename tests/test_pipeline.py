@@ -115,3 +115,17 @@ def test_reports_and_evaluations_hold_out_alike(tmp_path):
 
     wanted = evaluate(calibration, CORNERS, recalibrate=by_hand, compare_opencv=False).heldout_px
     assert evaluated(read, opencv=False)[0].heldout_px == wanted
+
+
+def test_corners_outside_the_image_are_refused():
+    small = dataclasses.replace(CORNERS, image_size=(960, 600))
+    u, v = next(uv for view in CORNERS.views for uv in view.uv if (uv > (960, 600)).any())
+    with pytest.raises(InputError) as refused:
+        calibrate(small)
+    assert str(refused.value) == (
+        f"'view0.png' has a corner at ({u:.1f}, {v:.1f}), outside an image of 960x600: "
+        "give the size of the photographs as image_size"
+    )
+    assert not CORNERS.outside
+    edge = dataclasses.replace(CORNERS.views[0], uv=np.clip(CORNERS.views[0].uv, 100.0, None) - 100.9)
+    assert not CORNERS.with_views([edge]).outside

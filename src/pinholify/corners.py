@@ -124,6 +124,10 @@ def same_photograph(view: Corners, other: Corners) -> bool:
     return bool(alike and 2 * in_common(view, other).sum() > min(len(view), len(other)))
 
 
+MAX_OUTSIDE_PX = 1.0
+"""Corners farther outside the centres of the outermost pixels belong to an image of another size."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CornerSet:
     """All views of one board by one camera.
@@ -164,6 +168,16 @@ class CornerSet:
     def found(self) -> tuple[Corners, ...]:
         """The views that show a board."""
         return tuple(view for view in self.views if view.found)
+
+    @property
+    def outside(self) -> str:
+        """Which corner lies outside the image, as the first clause of an error; empty where none does."""
+        width, height = self.image_size
+        for view in self.views:
+            beyond = np.maximum(-view.uv, view.uv - [width - 1, height - 1]).max(axis=1, initial=0.0)
+            for u, v in view.uv[beyond > MAX_OUTSIDE_PX]:
+                return f"'{view.name}' has a corner at ({u:.1f}, {v:.1f}), outside an image of {width}x{height}"
+        return ""
 
     @property
     def typical_weight(self) -> float:

@@ -13,7 +13,7 @@ from pinholify.calibration.circles import local_centres, needs_centres, true_cen
 from pinholify.calibration.condensing import condensed
 from pinholify.calibration.intrinsics import check_determined
 from pinholify.calibration.methods import METHODS
-from pinholify.calibration.numbering import check_numbering, numbered_alike
+from pinholify.calibration.numbering import check_numbering, check_size, numbered_alike
 from pinholify.calibration.one_image import calibrate_one_image
 from pinholify.calibration.reference import reference_views
 from pinholify.calibration.result import Calibration, Settings
@@ -64,6 +64,9 @@ def calibrate(
     the wrong handedness, or unlike the others from its other end, is renumbered and listed in
     ``details["renumbered_boards"]``. Raises InputError, CalibrationError or DegenerateError.
     """
+    if corner_set.outside:
+        raise InputError(f"{corner_set.outside}: give the size of the photographs as image_size")
+    check_size(corner_set)
     method = method_knowing(method, kernel, trend)
     if method == "auto":
         method = "joint" if start is not None or len(corner_set.found) >= FEWEST_FOR_JOINT else "one-image"

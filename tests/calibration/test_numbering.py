@@ -1,4 +1,4 @@
-"""Boards numbered the other way round are found by their handedness, renumbered, and named."""
+"""Boards numbered the other way round are found, renumbered and named; a board of another size is named."""
 
 import dataclasses
 
@@ -8,11 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pinholify.board import lattice, parse_board, size
-from pinholify.calibration.numbering import check_numbering, numbered_alike, numbered_backwards
+from pinholify.calibration.numbering import check_numbering, check_size, numbered_alike, numbered_backwards
 from pinholify.calibration.one_image import calibrate_one_image
 from pinholify.corners import Corners, CornerSet, not_found
-from pinholify.errors import InputError
+from pinholify.errors import CalibrationError, InputError
 from pinholify.pipeline import calibrate
+from pinholify.simulation.lenses import LENSES
+from pinholify.simulation.views import board_poses, true_corners
 from synthetic import BOARD, corner_set
 
 SIZE = (2000, 2000)
@@ -125,3 +127,42 @@ def test_the_numbers_of_one_image_alone_are_taken_as_they_are():
     views[0] = backwards(views[0], BOARD, 0)
     with pytest.raises(InputError, match="left-handed"):
         calibrate_one_image(CornerSet(BOARD, SIZE, tuple(views)), reference=views[0].name, trend="lens:2")
+
+
+@pytest.mark.parametrize("given", ["9x15", "14x10", "16x9"])
+@pytest.mark.parametrize("method", ["joint", "one-image"])
+def test_a_board_given_with_the_wrong_number_of_columns_is_named(given, method):
+    true = corner_set(6, squeeze=0.15)
+    wrong = CornerSet(parse_board(given), true.image_size, true.views)
+    with pytest.raises(CalibrationError, match=f"numbered as on a 15x9 board, not {given}: give the board as 15x9"):
+        calibrate(wrong, method=method)
+
+
+def test_corners_numbered_column_by_column_are_named():
+    true = corner_set(6)
+    column, row = np.divmod(np.arange(135), 9)
+    order = row * 15 + column
+    views = [dataclasses.replace(view, uv=view.uv[order]) for view in true.views]
+    with pytest.raises(CalibrationError, match="numbered as on a 9x15 board, not 15x9"):
+        calibrate(true.with_views(views))
+
+
+@pytest.mark.parametrize("lens", ["fisheye", "unity-barrel", "windscreen"])
+@pytest.mark.parametrize("spec", ["30x20", "4x4", "circles:4x11:asymmetric"])
+def test_no_lens_makes_a_board_look_like_one_of_another_size(lens, spec):
+    board, camera = parse_board(spec), LENSES[lens]
+    rng = np.random.default_rng(0)
+    views = []
+    for i, pose in enumerate(board_poses([camera], board, 4, seed=2)):
+        uv = true_corners(camera, board, pose)
+        wrong = rng.random(len(uv)) < 0.1
+        views.append(Corners(f"view{i}", np.arange(len(uv)), uv + wrong[:, None] * rng.normal(0.0, 50.0, uv.shape)))
+    check_size(CornerSet(board, camera.size, tuple(views)))
+
+
+def test_boards_of_few_corners_or_on_one_line_have_no_size():
+    line = Corners("line", np.arange(15), np.column_stack([np.arange(15.0), np.zeros(15)]))
+    same = Corners("same", np.arange(135), np.full((135, 2), 7.0))
+    check_size(CornerSet(BOARD, SIZE, (line, not_found("none", "dark"))))
+    check_size(CornerSet(BOARD, SIZE, (same,)))
+    check_size(CornerSet(BOARD, SIZE, ()))

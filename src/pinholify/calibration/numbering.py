@@ -1,4 +1,4 @@
-"""Boards numbered with the wrong handedness: found, and renumbered.
+"""Boards numbered with the wrong handedness: found, and renumbered; and those numbered as on a board of another size.
 
 A camera sees every board from its front, so the lattices of all views have the same handedness in the image. A view
 whose lattice has the opposite one was numbered with one axis reversed. No residual shows that: a flat board so numbered
@@ -7,7 +7,7 @@ fits equally well, as if seen from behind. Renumbered, it is as useful as any ot
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,10 +15,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pinholify.arrays import Floats
-from pinholify.board import Board, lattice, outline
+from pinholify.board import Board, Checkerboard, CircleGrid, lattice, outline
 from pinholify.corners import Corners, CornerSet
-from pinholify.errors import InputError
+from pinholify.errors import CalibrationError, InputError
+from pinholify.geometry import apply_homography, estimate_homography
 
+CHECKED_VIEWS = 3  # with the most corners, by which the board's size is checked
+MAX_MISFIT = 0.3  # of the distance between neighbouring corners: beyond it other sizes of the board are tried
+MIN_MISFIT_RATIO = 4.0  # of the misfit of the given size to that of another one: beyond it the given one is wrong
 FEWEST_CORNERS = 6  # of a view, to determine a pose and to show its handedness
 AXES = ("columns", "rows")
 
@@ -47,6 +51,52 @@ def numbered_alike(corner_set: CornerSet, mirrored: bool) -> Numbered:
                     break
         views.append(view)
     return Numbered(corner_set.with_views(views), notes)
+
+
+def check_size(corner_set: CornerSet) -> None:
+    """Raise CalibrationError where the corners are numbered as on a board of another size: transposed, or one off."""
+    views = sorted(corner_set.found, key=len)[-CHECKED_VIEWS:]
+    board = corner_set.board
+    misfit = _misfit(views, board)
+    if not MAX_MISFIT < misfit < np.inf:
+        return
+    others = {_misfit(views, other): other for other in _neighbouring_sizes(corner_set)}
+    if others and MIN_MISFIT_RATIO * min(others) < misfit:
+        other = others[min(others)].spec
+        raise CalibrationError(
+            f"the corners are numbered as on a {other} board, not {board.spec}: give the board as {other}, or number "
+            f"them as on a {board.spec} board"
+        )
+
+
+def _neighbouring_sizes(corner_set: CornerSet) -> list[Board]:
+    """Boards on which the same ids are at other places: with columns and rows exchanged, or one column more or less."""
+    board = corner_set.board
+    if not isinstance(board, Checkerboard | CircleGrid):
+        return []
+    last = max(int(view.ids.max()) for view in corner_set.found)
+    sizes = {(c, max(last // c + 1, 3)) for c in (board.columns - 1, board.columns + 1) if c >= 3}
+    return [replace(board, columns=c, rows=r) for c, r in {(board.rows, board.columns), *sizes} if c != board.columns]
+
+
+def _misfit(views: Sequence[Corners], board: Board) -> float:
+    """The median over ``views`` of :func:`_misfit_of`, of those that have one; inf without any."""
+    each = [misfit for view in views if np.isfinite(misfit := _misfit_of(view, board))]
+    return float(np.median(each)) if each else np.inf
+
+
+def _misfit_of(view: Corners, board: Board) -> float:
+    """What a homography leaves of a typical corner, in distances to the nearest one; not finite where there is none."""
+    points = view.lattice(board)
+    if len(view) < FEWEST_CORNERS or np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6) < 2:
+        return np.inf
+    spacing = np.median(cKDTree(view.uv).query(view.uv, k=2)[0][:, 1])
+    with np.errstate(all="ignore"):
+        try:
+            left = apply_homography(estimate_homography(points, view.uv), points) - view.uv
+        except np.linalg.LinAlgError:
+            return np.inf
+        return float(np.median(np.linalg.norm(left, axis=1)) / spacing)
 
 
 def check_numbering(corner_set: CornerSet, mirrored: bool) -> None:

@@ -128,15 +128,9 @@ def check_plausible(corners: CornerSet) -> None:
     """Raise CornerTableError if corners lie outside the given image size, or all corners of a view on one line."""
     import numpy as np
 
-    width, height = corners.image_size
+    if corners.outside:
+        raise CornerTableError(f"{corners.outside}: give the size of the photographs with --image-size")
     for view in corners.found:
-        outside = ((view.uv < -1.0) | (view.uv > (width, height))).any(axis=1)
-        if outside.any():
-            u, v = view.uv[outside][0]
-            raise CornerTableError(
-                f"'{view.name}' has a corner at ({u:.1f}, {v:.1f}), outside an image of {width}x{height}: "
-                "give the size of the photographs with --image-size"
-            )
         if len(view) > 2 and np.linalg.matrix_rank(view.uv - view.uv.mean(axis=0)) < 2:
             raise CornerTableError(f"all {len(view)} corners of '{view.name}' lie on one line; check the corner table")
 
