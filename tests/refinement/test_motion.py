@@ -45,6 +45,16 @@ def test_still_boards_do_not_move() -> None:
     assert motion_rms(solution, seen) == 0.0
 
 
+@pytest.mark.filterwarnings("error")
+def test_one_board_alone_does_not_move() -> None:
+    solution, seen = around_the_truth(STILL, set())
+    alone, one = np.arange(seen.boards) == 3, seen.select(seen.view == 3)
+    model = solution.model
+    found = measured(model, solution.state.of_boards(alone), one, model.trend_precision(), Loss(0.1 / FRAME.scale))
+    assert found is not None
+    assert motion_of(found, one) == 0.0
+
+
 def test_motions_are_as_large_whatever_the_corners_weigh() -> None:
     solution, seen = around_the_truth(STILL, set())
     motions = np.random.default_rng(0).normal(0, 0.01, (seen.boards, 3))

@@ -116,6 +116,16 @@ def dense_jacobian(linear, seen: Observations) -> np.ndarray:
     return np.concatenate([globals_, poses], axis=2).reshape(2 * n, -1)
 
 
+def test_a_pose_without_a_solution_has_no_equations(scene: Scene) -> None:
+    model, seen = small_model(), flattened(scene)
+    state = truth(scene, model)
+    at = model.predict(state, seen)
+    linear = model.linearise(state, seen, at)
+    astray = np.where(seen.view[:, None, None] == 2, np.nan, linear.pose)
+    with pytest.raises(np.linalg.LinAlgError):
+        eliminate(replace(linear, pose=astray), at.residual, np.ones(len(seen.view)), seen)
+
+
 @pytest.mark.parametrize("extended", [False, True])
 def test_elimination_is_the_dense_schur_complement(scene: Scene, extended: bool) -> None:
     model, seen = small_model(extended=extended), flattened(scene)

@@ -207,7 +207,8 @@ def nested_noise(at: ReducedProblem, kept: Bools, noise: float) -> Nested:
     found = nested(at, kept, np.full(len(kept), noise))
     for _ in range(NOISE_ROUNDS):
         freedom = np.maximum(at.rows - POSE_DOF * at.boards - found.determined, 1.0)
-        better = np.maximum(np.sqrt(found.misfit / freedom), NOISE_RANGE[0])
+        with np.errstate(invalid="ignore"):  # a misfit below zero by rounding: that model gets no evidence
+            better = np.maximum(np.sqrt(found.misfit / freedom), NOISE_RANGE[0])
         moved = np.abs(better / found.noise - 1.0).max()
         found = nested(at, kept, better)
         if moved < NOISE_TOLERANCE:
@@ -310,7 +311,8 @@ class _Scored:
             held = matrix[np.ix_(free, ~free)] @ step[~free]
             step[free] = np.linalg.solve(matrix[np.ix_(free, free)], self.gradient[free] - held)
             limit = np.where(step > 0, high, low)
-            excess = np.where(free, np.abs(step) / np.maximum(np.abs(limit), 1e-300), 0.0)
+            with np.errstate(over="ignore"):  # a limit of zero
+                excess = np.where(free, np.abs(step) / np.maximum(np.abs(limit), 1e-300), 0.0)
             if not excess.max() > 1.0:
                 break
             farthest = int(excess.argmax())

@@ -35,17 +35,21 @@ def motion_of(solution: Solution, seen: Observations) -> float:
     free = 2.0 * seen.sums(np.ones(len(seen.view))) - POSE_DOF
     share = (pulls**2).sum(axis=1) / squares * free
     calm = np.argsort(share)[: int(CALM_SHARE * len(share))]
-    if _best(squares[calm], spreads[calm], pulls[calm], float(free[calm].sum()))[1] < MIN_CALM_GAIN:
+    if not _best(squares[calm], spreads[calm], pulls[calm], float(free[calm].sum()))[1] >= MIN_CALM_GAIN:
         return 0.0
     std, gain = _best(squares, spreads, pulls, float(free.sum()))
     return std if gain > MIN_GAIN else 0.0
 
 
 def _best(squares: Floats, spreads: Floats, pulls: Floats, free: float) -> tuple[float, float]:
-    """The most likely standard deviation, with the noise fitted along with it, and the nats that it gains."""
+    """The most likely standard deviation, with the noise fitted along with it, and the nats that it gains.
+
+    The gain is not a number where nothing is left to explain.
+    """
     variances = CANDIDATE_STDS[:, None, None] ** 2 * spreads  # along each board's own axes, in units of the noise's
     explained = (variances / (1.0 + variances) * pulls**2).sum(axis=(1, 2))
-    gain = free * np.log(squares.sum() / (squares.sum() - explained)) - np.log1p(variances).sum(axis=(1, 2))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = free * np.log(squares.sum() / (squares.sum() - explained)) - np.log1p(variances).sum(axis=(1, 2))
     best = int(gain.argmax())
     return float(CANDIDATE_STDS[best]), 0.5 * float(gain[best])
 

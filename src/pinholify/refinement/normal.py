@@ -47,6 +47,7 @@ def eliminate(
     """The equations for ``residual`` (N, 2), with the ``weight`` (N,) of each corner's squared residual.
 
     ``damping`` (Levenberg-Marquardt) adds that share of its diagonal to the block of each pose and to that of β and η.
+    Raises numpy.linalg.LinAlgError where a pose has no effect.
     """
     root = np.sqrt(weight)[:, None]
     basis = linear.basis if (weight == 1.0).all() else linear.basis * root
@@ -62,7 +63,10 @@ def eliminate(
     reduced = inverse_roots @ products[:, :, :-own]
     cross, pose_right = reduced[:, :, :-1], reduced[:, :, -1]
     flat = cross.reshape(-1, cross.shape[2])
-    log_det = -2.0 * float(np.log(np.diagonal(inverse_roots, axis1=1, axis2=2)).sum())
+    diagonals = np.diagonal(inverse_roots, axis1=1, axis2=2)
+    if not (diagonals > 0.0).all():
+        raise np.linalg.LinAlgError("the equations of a pose are singular in double precision")
+    log_det = -2.0 * float(np.log(diagonals).sum())
     log_det -= seen.boards * float(np.log(stiff[stiff > 0.0]).sum())
     r = dense[:, :, -1]
     return NormalEquations(
