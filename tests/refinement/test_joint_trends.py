@@ -175,3 +175,10 @@ def test_a_strong_lens_is_fitted_from_a_trend_that_holds_it() -> None:
     np.testing.assert_allclose(strong.image(found, strong.ray(beta, w), w), w, atol=1e-5)
     assert LensTrend(Angles(), True, 1).resembling(strong, beta) is None
     assert PolynomialTrend(3).resembling(strong, beta) is None
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kappa", [0.0, 0.5, -0.5])
+def test_a_step_too_far_gives_no_finite_image_and_no_warning(kappa: float) -> None:
+    radial = Radial(800.0, kappa, np.array([-0.1, 0.02]), np.zeros(2), np.zeros(2))
+    assert not np.isfinite(radial.value(np.array([[0.3, 0.2], [-0.1, 0.4]]))).all(axis=1).any()

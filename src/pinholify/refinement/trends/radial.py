@@ -79,6 +79,7 @@ class Radial:
     prism: Floats
 
     @property
+    @np.errstate(over="ignore")  # a step too far: such a map sees no corner
     def axes(self) -> Floats:
         """The factors (1/ρ, ρ) of the squared coordinates."""
         return np.asarray(np.exp([-self.log_ratio, self.log_ratio]))
@@ -87,6 +88,7 @@ class Radial:
         """The radial factor T(κ r²) (1 + Σ k r²ⁱ), elementwise for ``r2``; nan beyond the pole of T."""
         return self.gain_and_slope(r2)[0]
 
+    @np.errstate(over="ignore", invalid="ignore")
     def gain_and_slope(self, r2: Floats) -> tuple[Floats, Floats]:
         """:meth:`gain` and its derivative by r², elementwise."""
         polynomial, slope = self._polynomial(r2)
