@@ -39,13 +39,10 @@ class Sighting:
     whitening: Floats
 
 
-def poses_of_directions(
-    directions: Floats, lattice: Floats, starts: Ints, weight: Floats | float = 1.0
-) -> tuple[Floats, Floats]:
+def poses_of_directions(directions: Floats, lattice: Floats, starts: Ints) -> tuple[Floats, Floats]:
     """Poses, (K, 3, 3) and (K, 3) in squares, of flat boards from the ``directions`` (N, 3) of their corners.
 
-    ``lattice`` (N, 2) are the corners in squares, sorted by board, ``starts`` (K,) each board's first one, and
-    ``weight`` (N,) multiplies the squares of their errors. The
+    ``lattice`` (N, 2) are the corners in squares, sorted by board, and ``starts`` (K,) each board's first one. The
     direct linear transform solves d × (r₁ X + r₂ Y + t) = 0, with the sign that puts the points along the directions,
     and takes the nearest rotation; it works beyond 90° too. A board of too few corners gets a meaningless pose, not an
     error.
@@ -54,7 +51,7 @@ def poses_of_directions(
     points = np.column_stack([lattice / size, np.ones(len(lattice))])
     view = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(lattice)))
     d = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    across = np.reshape(weight, (-1, 1, 1)) * (np.eye(3) - d[:, :, None] * d[:, None, :])
+    across = np.eye(3) - d[:, :, None] * d[:, None, :]
     products = (points[:, :, None] * points[:, None, :])[:, :, None, :, None] * across[:, None, :, None, :]
     of_boards = np.add.reduceat(products, starts, axis=0).reshape(-1, 9, 9)
     columns = np.linalg.eigh(of_boards)[1][:, :, 0].reshape(-1, 3, 3)  # rows: r₁, r₂, t up to scale

@@ -29,7 +29,7 @@ from pinholify.refinement.observations import (
     lattice_middle,
     observations,
 )
-from pinholify.refinement.outliers import usable_views
+from pinholify.refinement.outliers import coherent, usable_views
 from pinholify.refinement.result import (
     JointResult,
     camera_of,
@@ -90,7 +90,7 @@ def refine(
         _covered(everything),
         SHORTEST_LENGTH_SCALE * _spacing(everything),
     )
-    first, fits = first_solution(setting, everything.thinned(), given)
+    first, fits = first_solution(setting, everything.select(coherent(everything)).thinned(), given)
     say(f"start: residuals of {first.noise * frame.scale:.3g} px")
     finalists, seen, cleaned = _extended(setting, stages, first, everything, trend, say)
     for candidate in finalists:

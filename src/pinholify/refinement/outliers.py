@@ -12,9 +12,12 @@ from pinholify.board import Board
 from pinholify.calibration.numbering import FEWEST_CORNERS, numbered_backwards
 from pinholify.corners import SAME, Corners, repeated
 from pinholify.refinement.observations import Observations
-from pinholify.refinement.solver import lengths, robust_scale
+from pinholify.refinement.solver import MIN_NOISE, lengths, robust_scale
 
 NEIGHBOURS = 16  # of each corner in the image, itself included
+BOARD_NEIGHBOURS = 8  # of each corner on its board
+GROSS_LIMIT = 1.0  # spacings from where the neighbours put a corner; perspective and lenses move it by less
+GROSS_ROUNDS = 5  # of reweighted least squares
 LOCAL_LIMIT = 6.0  # robust standard deviations from the residual of the neighbours
 OUTLIER_LIMIT = 4.5  # standard deviations: one in 25 000 good corners lies farther out
 MAX_OUTLIER_SHARE = 0.3  # of a board's corners
@@ -44,6 +47,32 @@ def _unusable(view: Corners, board: Board, mirrored: bool) -> str:
     if numbered_backwards(view, board, mirrored):
         return "numbered as a reflection of the others: one axis is reversed"
     return ""
+
+
+def coherent(seen: Observations) -> Bools:
+    """Mask (N,) of the corners without gross errors, which can be told without a camera.
+
+    Such a corner lies far from where its neighbours on the board put it by an affine map of least absolute errors. A
+    board with too few corners left keeps all.
+    """
+    keep = np.ones(len(seen.view), dtype=bool)
+    for rows in seen.slices():
+        keep[rows] = _near_neighbours(seen.lattice[rows], seen.image[rows])
+    enough = seen.sums(keep.astype(float)) >= FEWEST_CORNERS
+    return keep | ~enough[seen.view]
+
+
+def _near_neighbours(lattice: Floats, image: Floats) -> Bools:
+    """Mask (n,) of the corners of one board that lie near where their neighbours put them."""
+    near = cKDTree(lattice).query(lattice, k=min(BOARD_NEIGHBOURS + 1, len(lattice)))[1][:, 1:]
+    design = np.concatenate([lattice[near] - lattice[:, None], np.ones((*near.shape, 1))], axis=2)
+    weight = np.ones(near.shape)
+    for _ in range(GROSS_ROUNDS):
+        weighted = design.transpose(0, 2, 1) * weight[:, None]
+        affine = np.linalg.pinv(weighted @ design, hermitian=True) @ (weighted @ image[near])
+        weight = 1.0 / np.maximum(np.linalg.norm(design @ affine - image[near], axis=2), MIN_NOISE)
+    spacing = np.sqrt(np.abs(np.linalg.det(affine[:, :2])))
+    return np.asarray(np.linalg.norm(image - affine[:, 2], axis=1) <= GROSS_LIMIT * np.median(spacing))
 
 
 def locally_consistent(residual: Floats, seen: Observations) -> Bools:

@@ -12,38 +12,9 @@ from pinholify.refinement.model import Model, State
 from pinholify.refinement.observations import Observations
 from pinholify.refinement.solver import Loss, lengths, minimise, robust_scale
 
-REWEIGHTINGS = 10
-SPOILT_RATIO = 8.0  # of a corner's error to the median one of its board: beyond it the corner is wrong, not the lens
 DOUBTFUL_RATIO = 3.0  # of a board's residuals to those of the typical board: beyond it other poses are tried
 BETTER_RATIO = 1.5  # of two poses' residuals: with less the present one stays
 HUBER = 3.0  # standard deviations
-
-
-def robust_poses(directions: Floats, seen: Observations) -> tuple[Floats, Floats]:
-    """Poses, (K, 3, 3) and (K, 3) in squares, of all boards from the ``directions`` (N, 3) of their corners.
-
-    The direct linear transform solves d × (r₁ X + r₂ Y + t) = 0, with the sign that puts the points along the
-    directions, and takes the nearest rotation. On boards where some corners lie far off, these lose their influence. A
-    board of too few corners gets a meaningless pose, not an error.
-    """
-    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    weight = np.ones(len(directions))
-    rotations, translations = poses_of_directions(directions, seen.lattice, seen.starts)
-    for _ in range(REWEIGHTINGS):
-        points = np.einsum("nij,nj->ni", rotations[seen.view][:, :, :2], seen.lattice) + translations[seen.view]
-        with np.errstate(invalid="ignore"):
-            off = np.linalg.norm(points / np.linalg.norm(points, axis=1, keepdims=True) - directions, axis=1)
-        typical = np.array([np.median(off[rows]) for rows in seen.slices()])
-        spoilt = seen.sums((off > SPOILT_RATIO * typical[seen.view]).astype(float)) > 0
-        if not spoilt.any():
-            break
-        again = spoilt[seen.view]
-        relative = off[again] / np.maximum(typical[seen.view][again], 1e-300)
-        weight[again] = 1.0 / (1.0 + (relative / 2.0) ** 2)
-        some = seen.select(again)
-        found = poses_of_directions(directions[again], some.lattice, some.starts, weight[again])
-        rotations[spoilt], translations[spoilt] = found
-    return rotations, translations
 
 
 def reposed(model: Model, camera: State, seen: Observations) -> State:
@@ -51,7 +22,7 @@ def reposed(model: Model, camera: State, seen: Observations) -> State:
     w = model.basis.undisplaced(camera.weights, seen.image)
     directions = model.trend.chart.directions(model.trend.ray(camera.beta, w))
     directions[~np.isfinite(directions).all(axis=1)] = [0.0, 0.0, 1.0]
-    rotations, translations = robust_poses(directions, seen)
+    rotations, translations = poses_of_directions(directions, seen.lattice, seen.starts)
     return replace(camera, rotations=rotations, translations=translations, motions=np.zeros_like(translations))
 
 
@@ -96,6 +67,7 @@ def _reversed(state: State) -> State:
 
     Under weak perspective the image of a board is nearly the same.
     """
-    sight = state.translations / np.linalg.norm(state.translations, axis=1, keepdims=True)
+    distance = np.linalg.norm(state.translations, axis=1, keepdims=True)
+    sight = state.translations / np.maximum(distance, 1e-300)
     mirror = np.eye(3) - 2.0 * sight[:, :, None] * sight[:, None, :]
     return replace(state, rotations=mirror @ state.rotations @ np.diag([1.0, 1.0, -1.0]))

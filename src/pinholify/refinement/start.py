@@ -19,6 +19,7 @@ import numpy as np
 
 from pinholify.arrays import Bools, Floats
 from pinholify.calibration.numbering import FEWEST_CORNERS
+from pinholify.calibration.poses import poses_of_directions
 from pinholify.camera import VirtualCamera
 from pinholify.charts import AngleChart, angles_to_directions, directions_to_angles
 from pinholify.errors import CalibrationError, InputError
@@ -27,7 +28,7 @@ from pinholify.refinement.candidates import Setting
 from pinholify.refinement.model import Model, State
 from pinholify.refinement.observations import ImageFrame, Observations
 from pinholify.refinement.outliers import with_enough
-from pinholify.refinement.posing import reposed, righted, robust_poses
+from pinholify.refinement.posing import reposed, righted
 from pinholify.refinement.solver import Loss, Solution, minimise
 from pinholify.refinement.trends import Angles, LensTrend
 from pinholify.refinement.trends.fitting import fit_trend, levelling_rotation
@@ -163,7 +164,7 @@ def board_misfit(lens: Lens, seen: Observations) -> tuple[Floats, Floats, Floats
     directions = lens.directions(seen.image)
     blind = ~np.isfinite(directions).all(axis=1)
     directions[blind] = [0.0, 0.0, 1.0]
-    rotations, translations = robust_poses(directions, seen)
+    rotations, translations = poses_of_directions(directions, seen.lattice, seen.starts)
     camera = np.einsum("nij,nj->ni", rotations[seen.view][:, :, :2], seen.lattice) + translations[seen.view]
     unit = camera / np.linalg.norm(camera, axis=1, keepdims=True)
     squares = ((unit - directions) ** 2).sum(axis=1) * lens.radian(seen.image) ** 2
@@ -232,15 +233,14 @@ def _from_lenses(model: Model, lenses: Iterable[Lens], seen: Observations) -> So
     found = [s for lens in lenses if (s := _solve_from(model, lens, seen)) is not None]
     if not found:
         raise CalibrationError("no camera explains the corners of most boards: check the board's size")
-    return _of_all_boards(min(found, key=lambda solution: solution.noise), seen)
+    return settled_poses(_of_all_boards(min(found, key=lambda solution: solution.noise), seen), seen)
 
 
 def _of_all_boards(found: Solution, seen: Observations) -> Solution:
     """``found``, a solution of some boards, solved again for all of them."""
     model = found.model
     state = reposed(model, found.state, seen)
-    known = minimise(model, state, seen, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS)
-    return found if known is None else settled_poses(known, seen)
+    return minimise(model, state, seen, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS) or found
 
 
 def settled_poses(known: Solution, seen: Observations) -> Solution:
