@@ -129,3 +129,13 @@ def test_corners_outside_the_image_are_refused():
     assert not CORNERS.outside
     edge = dataclasses.replace(CORNERS.views[0], uv=np.clip(CORNERS.views[0].uv, 100.0, None) - 100.9)
     assert not CORNERS.with_views([edge]).outside
+
+
+def test_a_wrong_corner_outside_the_image_is_no_wrong_image_size():
+    uv = np.array(CORNERS.views[3].uv)
+    uv[7] = -40.0, 1e4
+    spoilt = CORNERS.with_views(
+        dataclasses.replace(view, uv=uv) if k == 3 else view for k, view in enumerate(CORNERS.views)
+    )
+    found = calibrate(spoilt)
+    assert CORNERS.views[3].ids[7] in found.findings.wrong_corners[CORNERS.views[3].name]
