@@ -21,7 +21,7 @@ from pinholify.refinement.outliers import consistent, locally_consistent, misfit
 from pinholify.refinement.posing import reposed, righted
 from pinholify.refinement.settle import Settled, settle
 from pinholify.refinement.solver import Loss, Solution, lengths, minimise, robust_scale
-from pinholify.refinement.start import ROBUST_LOSS, START_STEPS, settled_poses
+from pinholify.refinement.start import ROBUST_LOSS, START_STEPS, with_poses_righted
 from pinholify.refinement.trust import trusts
 
 MAX_ROUNDS = 3
@@ -74,7 +74,7 @@ def _screened(first: Solution, everything: Observations) -> tuple[Observations, 
     known = minimise(first.model, state, some, precision, ROBUST_LOSS, most_steps=START_STEPS)
     if known is None:
         raise CalibrationError("the joint solve broke down at its start: check the board's size")
-    return seen, settled_poses(known, some)
+    return seen, with_poses_righted(known, some)
 
 
 def spoilt(solution: Solution, seen: Observations) -> bool:

@@ -233,7 +233,7 @@ def _from_lenses(model: Model, lenses: Iterable[Lens], seen: Observations) -> So
     found = [s for lens in lenses if (s := _solve_from(model, lens, seen)) is not None]
     if not found:
         raise CalibrationError("no camera explains the corners of most boards: check the board's size")
-    return settled_poses(_of_all_boards(min(found, key=lambda solution: solution.noise), seen), seen)
+    return with_poses_righted(_of_all_boards(min(found, key=lambda solution: solution.noise), seen), seen)
 
 
 def _of_all_boards(found: Solution, seen: Observations) -> Solution:
@@ -243,7 +243,7 @@ def _of_all_boards(found: Solution, seen: Observations) -> Solution:
     return minimise(model, state, seen, model.trend_precision(), ROBUST_LOSS, most_steps=START_STEPS) or found
 
 
-def settled_poses(known: Solution, seen: Observations) -> Solution:
+def with_poses_righted(known: Solution, seen: Observations) -> Solution:
     """``known``, solved again where a board of ``seen`` had been caught in a wrong pose."""
     precision = known.model.trend_precision()
     state = righted(known.model, known.state, seen, precision)
